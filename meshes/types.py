@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tetrahedral and triangle meshes as small validated types."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from meshes.errors import MeshError
+
+Points = NDArray[np.float64]
+Cells = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a mesh comes from; written to the log and to ``run.json``.
+
+    Parameters
+    ----------
+    name : str
+        Catalogue name, generator or file name.
+    source : str
+        "procedural", or the path or address that the data was read from.
+    sha256 : str
+        Digest of the source file; empty for procedural meshes.
+    terms : str
+        Credit and terms of use of the data.
+    """
+
+    name: str = "array"
+    source: str = "procedural"
+    sha256: str = ""
+    terms: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    points: Points
+    cells: Cells
+    origin: Origin = field(default_factory=Origin)
+
+    _width = 0
+    _cell = ""
+
+    def __post_init__(self) -> None:
+        where = self.origin.source if self.origin.source != "procedural" else self.origin.name
+        object.__setattr__(self, "points", _float_points(self.points, where))
+        object.__setattr__(self, "cells", _index_cells(self.cells, len(self.points), self._width, self._cell, where))
+        _refuse_unused(self.cells, len(self.points), where)
+
+    @property
+    def content_hash(self) -> str:
+        """SHA-256 over points and cells: two meshes with one hash are the same mesh."""
+        digest = hashlib.sha256(self.points.tobytes())
+        digest.update(self.cells.astype(np.int64).tobytes())
+        return digest.hexdigest()
+
+    def moved(self, points: ArrayLike) -> Self:
+        """Return the same mesh at other vertex positions [m], shape [n_vertices, 3]."""
+        return replace(self, points=np.asarray(points, np.float64))
+
+
+@dataclass(frozen=True, eq=False)
+class TriMesh(_Mesh):
+    """A triangle surface.
+
+    Parameters
+    ----------
+    points : Vertex positions [m], shape [n_vertices, 3], float64.
+    cells : Vertex indices of each triangle, shape [n_triangles, 3], int32; counter-clockwise seen from outside.
+
+    Raises
+    ------
+    MeshError
+        Empty, wrong shape, NaN, index out of range, or vertices that no triangle uses.
+    """
+
+    _width = 3
+    _cell = "triangle"
+
+    @property
+    def enclosed_volume(self) -> float:
+        """Signed volume [m^3] enclosed by a closed, outward-oriented surface (divergence theorem)."""
+        a, b, c = (self.points[self.cells[:, k]] for k in range(3))
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+@dataclass(frozen=True, eq=False)
+class TetMesh(_Mesh):
+    """A tetrahedral mesh with positively oriented cells.
+
+    Parameters
+    ----------
+    points : Vertex positions [m], shape [n_vertices, 3], float64.
+    cells : Vertex indices of each tetrahedron, shape [n_tets, 4], int32; (b-a) x (c-a) . (d-a) > 0.
+    regions : Region id of each tetrahedron, shape [n_tets], int32; all zero when not given.
+
+    Raises
+    ------
+    MeshError
+        Empty, wrong shape, NaN, index out of range, unused vertices, zero or negative volume.
+    """
+
+    regions: NDArray[np.int32] | None = None  # type: ignore[assignment]
+
+    _width = 4
+    _cell = "tetrahedron"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        where = self.origin.source if self.origin.source != "procedural" else self.origin.name
+        regions = np.zeros(len(self.cells), np.int32) if self.regions is None else np.asarray(self.regions)
+        if regions.shape != (len(self.cells),):
+            raise MeshError(
+                "region ids do not match the cells", where=where, found=regions.shape, allowed=(len(self.cells),)
+            )
+        object.__setattr__(self, "regions", np.ascontiguousarray(regions, np.int32))
+        volumes = signed_volumes(self.points, self.cells)
+        bad = np.flatnonzero(volumes <= 0.0)
+        if len(bad):
+            raise MeshError(
+                f"{len(bad)} tetrahedra have no positive volume",
+                where=where,
+                found=f"volume {volumes[bad[0]]:.3g} m^3 in tetrahedron {bad[0]}",
+                allowed="volume > 0, (b-a) x (c-a) . (d-a) > 0",
+                advice="repair the winding or remove the degenerate cells",
+            )
+
+    @property
+    def volumes(self) -> NDArray[np.float64]:
+        """Volume of each tetrahedron [m^3], shape [n_tets]."""
+        return signed_volumes(self.points, self.cells)
+
+
+def signed_volumes(points: Points, cells: NDArray) -> NDArray[np.float64]:
+    """Signed volume (b-a) x (c-a) . (d-a) / 6 of each tetrahedron [m^3], shape [n_tets]."""
+    a = points[cells[:, 0]]
+    b, c, d = (points[cells[:, k]] - a for k in (1, 2, 3))
+    return np.einsum("ij,ij->i", np.cross(b, c), d) / 6.0
+
+
+def _float_points(points: ArrayLike, where: str) -> Points:
+    array = np.ascontiguousarray(points, np.float64)
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0:
+        raise MeshError("vertex positions have the wrong shape", where=where, found=array.shape, allowed="(n > 0, 3)")
+    bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
+    if len(bad):
+        raise MeshError(
+            f"{len(bad)} vertex positions are not finite",
+            where=where,
+            found=f"{array[bad[0]]} at vertex {bad[0]}",
+            allowed="finite numbers [m]",
+        )
+    return array
+
+
+def _index_cells(cells: ArrayLike, n_points: int, width: int, cell: str, where: str) -> Cells:
+    array = np.asarray(cells)
+    if array.ndim != 2 or array.shape[1] != width or len(array) == 0:
+        raise MeshError(f"no usable {cell} list", where=where, found=array.shape, allowed=f"(n > 0, {width})")
+    if not np.issubdtype(array.dtype, np.integer):
+        raise MeshError(f"{cell} indices are not integers", where=where, found=array.dtype, allowed="int32 or int64")
+    low, high = int(array.min()), int(array.max())
+    if low < 0 or high >= n_points:
+        row = int(np.flatnonzero((array < 0).any(axis=1) | (array >= n_points).any(axis=1))[0])
+        raise MeshError(
+            f"{cell} {row} refers to a vertex that does not exist",
+            where=where,
+            found=array[row].tolist(),
+            allowed=f"indices 0 to {n_points - 1}",
+        )
+    return np.ascontiguousarray(array, np.int32)
+
+
+def _refuse_unused(cells: Cells, n_points: int, where: str) -> None:
+    used = np.zeros(n_points, bool)
+    used[cells] = True
+    unused = n_points - int(used.sum())
+    if unused:
+        raise MeshError(
+            f"{unused} of {n_points} vertices belong to no cell",
+            where=where,
+            found=f"vertex {int(np.flatnonzero(~used)[0])}",
+            allowed="every vertex in at least one cell",
+            advice="drop them and renumber; the file readers do so",
+        )
