@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Counts that a file declares against the bytes that it has.
+
+Readers allocate what the header says; a file of 100 bytes that declares 10^12 vertices would exhaust the memory.
+Every vertex and every cell takes at least one byte in every format, compressed ones aside.
+"""
+
+from __future__ import annotations
+
+import mmap
+import re
+from pathlib import Path
+
+from meshes.errors import MeshError
+
+# Longest digit runs first: the pattern must not stop at 18 digits and see a harmless number.
+_DECLARED = re.compile(
+    rb"(?:POINTS|CELLS|CELL_TYPES|element vertex|element face|Vertices|Tetrahedra|Triangles|NELEM=|NPOIN=)\s+(\d+)"
+    rb"|\$(?:Nodes|Elements)\s+(?:\d+\s+)?(\d+)"
+)
+_SUFFIXES = {".vtk", ".msh", ".mesh", ".su2", ".ply", ".off"}
+
+
+def check_counts(path: Path) -> None:
+    """Refuse a text header that declares more items than the file has bytes.
+
+    Raises
+    ------
+    MeshError
+        With the declared number and the size of the file.
+    """
+    if path.suffix.lower() not in _SUFFIXES:
+        return
+    size = path.stat().st_size
+    with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        for match in _DECLARED.finditer(content):
+            number = int((match[1] or match[2])[:30])
+            if number > size:
+                raise MeshError(
+                    "declares more items than the file can hold",
+                    where=str(path),
+                    found=f"{match[0][:60].decode('ascii', 'replace').split()} in {size} bytes",
+                    allowed=f"at most {size}",
+                    advice="the file is damaged or cut off: export it again",
+                )
