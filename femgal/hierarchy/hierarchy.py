@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The layers of a multigrid solver, finest first, and how many a mesh deserves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.discretisation import Discretisation
+from femgal.hierarchy.clusters import cluster_vertices
+from femgal.hierarchy.layer import Layer, build_layer, finest_layer
+from meshes.jit import kernel
+
+# A coarse layer with fewer nodes than this corrects next to nothing that the prediction has not got right already.
+FEWEST_NODES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Hierarchy:
+    """Layers, finest first; ``print(hierarchy)`` is a table.
+
+    Parameters
+    ----------
+    layers : layers[0] has the free vertices as nodes; each other one is built independently from the finest mesh.
+    ratio : Vertices per node from one layer to the next.
+    n_tets : Tetrahedra of the finest mesh.
+    connected : For each layer, whether the vertices of every node form one connected set.
+    """
+
+    layers: tuple[Layer, ...]
+    ratio: int
+    n_tets: int
+    connected: tuple[bool, ...]
+
+    @property
+    def complexity(self) -> float:
+        """(element, node) pairs of all layers over those of the finest: work of one pass over all layers."""
+        return sum(len(layer.element) for layer in self.layers) / max(1, len(self.layers[0].element))
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """One row per layer: name, nodes, vertices per node, connected, active elements, share, pairs."""
+        rows: list[tuple[str, ...]] = []
+        for number, (layer, connected) in enumerate(zip(self.layers, self.connected, strict=True)):
+            sizes = layer.sizes
+            rows.append(
+                (
+                    f"{number} {layer.name}",
+                    f"{layer.n_nodes}",
+                    f"{sizes.min()} / {sizes.mean():.1f} / {sizes.max()}",
+                    "yes" if connected else "no",
+                    f"{len(layer.active)}",
+                    f"{len(layer.active) / self.n_tets:.3f}",
+                    f"{len(layer.element)}",
+                )
+            )
+        return rows
+
+    def __str__(self) -> str:
+        header = ("layer", "nodes", "vertices min / mean / max", "connected", "active tets", "share", "pairs")
+        table = [header, *self.rows()]
+        widths = [max(len(row[k]) for row in table) for k in range(len(header))]
+        lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in table]
+        return "\n".join([*(line.rstrip() for line in lines), f"complexity {self.complexity:.3f}"])
+
+
+def coarse_sizes(n_free: int, ratio: int, layers: int | Literal["full"]) -> list[int]:
+    """Vertices per cluster of each coarse layer that the mesh can use: ratio, ratio^2, ...
+
+    Layers that would have fewer than FEWEST_NODES nodes are left out even when asked for.
+    """
+    sizes: list[int] = []
+    while (layers == "full" or len(sizes) < layers) and n_free // ratio ** (len(sizes) + 1) >= FEWEST_NODES:
+        sizes.append(ratio ** (len(sizes) + 1))
+    return sizes
+
+
+def build_constant_hierarchy(
+    disc: Discretisation, ratio: int = 32, layers: int | Literal["full"] = "full"
+) -> Hierarchy:
+    """Piecewise-constant hierarchy of Lu et al. 2025, section 5.1.1.
+
+    Parameters
+    ----------
+    disc : The discretised bodies.
+    ratio : Clusters of layer l hold about ratio^l vertices.
+    layers : Number of coarse layers, or "full" for as many as the mesh can use.
+    """
+    built = [finest_layer(disc)]
+    for size in coarse_sizes(built[0].n_nodes, ratio, layers):
+        label, n_clusters = cluster_vertices(disc.mesh.points, disc.mesh.cells, disc.free, size)
+        weight = np.ones((disc.n_vertices, 1))
+        built.append(build_layer(disc, label[:, None].copy(), weight, n_clusters, f"clusters of {size}"))
+    connected = tuple(_connected(disc, layer) for layer in built)
+    return Hierarchy(tuple(built), ratio, disc.n_tets, connected)
+
+
+def _connected(disc: Discretisation, layer: Layer) -> bool:
+    parent = np.arange(disc.n_vertices, dtype=np.int64)
+    _merge_within(disc.mesh.cells, layer.parent, parent)
+    roots = _roots(parent)[layer.child]
+    first = np.repeat(roots[layer.child_ptr[:-1]], np.diff(layer.child_ptr))
+    return bool((roots == first).all())
+
+
+@kernel
+def _find(parent: NDArray[np.int64], v: int) -> int:
+    while parent[v] != v:
+        parent[v] = parent[parent[v]]
+        v = parent[v]
+    return v
+
+
+@kernel
+def _merge_within(tets: NDArray[np.int32], node: NDArray[np.int32], parent: NDArray[np.int64]) -> None:
+    """Union of the vertices of each element that share their first node."""
+    for e in range(len(tets)):
+        for a in range(4):
+            for b in range(a):
+                v, w = tets[e, a], tets[e, b]
+                if node[v, 0] >= 0 and node[v, 0] == node[w, 0]:
+                    parent[_find(parent, v)] = _find(parent, w)
+
+
+@kernel
+def _roots(parent: NDArray[np.int64]) -> NDArray[np.int64]:
+    out = np.empty_like(parent)
+    for v in range(len(parent)):
+        out[v] = _find(parent, v)
+    return out

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Single-level relaxation: vertex-block Jacobi (Lu et al. 2025, section 4) and scalar Jacobi, both matrix-free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from femgal.solvers.smoother import Relaxation, smooth
+from femgal.solvers.solver import SolverState
+from femgal.timestep.potential import IncrementalPotential
+
+
+@dataclass(eq=False)
+class Jacobi(Relaxation):
+    """One iteration smooths the finest layer once with its 3x3 vertex blocks."""
+
+    def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
+        """One sweep over the vertices."""
+        correction = smooth(potential, self.layers[0], state.x, float(self._w[0]), scalar=self.scalar)
+        return SolverState(state.x, state.iteration + 1, (correction,))
+
+
+@dataclass(eq=False)
+class ScalarJacobi(Jacobi):
+    """The same with the diagonal of each block only."""
+
+    scalar: ClassVar[bool] = True

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What every minimiser of the incremental potential offers: init / step / finished with an explicit state."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.timestep.potential import IncrementalPotential, eps18
+from femgal.timestep.state import MotionState
+
+Floats = NDArray[np.float64]
+
+
+class Outcome(enum.Enum):
+    """Why a solver stopped; the value says what happened and what to try."""
+
+    CONVERGED = "The residual fell below the tolerance."
+    ITERATIONS = "All iterations asked for were made."
+    DIVERGED = "The iterate is no longer finite. Try more substeps, or steps = 'spectral'."
+
+
+@dataclass(eq=False)
+class SolverState:
+    """Iterate of a solver.
+
+    Parameters
+    ----------
+    x : Positions [m], shape [n, 3]; the solver owns and overwrites it.
+    iteration : Iterations made.
+    corrections : Largest correction [m] of each layer in the last iteration, finest first.
+    """
+
+    x: Floats
+    iteration: int = 0
+    corrections: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Budget:
+    """When to stop: after a number of iterations, or earlier at a residual.
+
+    Parameters
+    ----------
+    iterations : At most this many.
+    tolerance : Stop when eps18 [m] is below; None spares the gradient pass that finding out costs.
+    """
+
+    iterations: int = 1
+    tolerance: float | None = None
+
+    def outcome(self, potential: IncrementalPotential, state: SolverState) -> Outcome | None:
+        """The reason to stop, or None to go on."""
+        if not np.isfinite(state.corrections).all():
+            return Outcome.DIVERGED
+        if self.tolerance is not None and eps18(potential.residual(state.x)) <= self.tolerance:
+            return Outcome.CONVERGED
+        return Outcome.ITERATIONS if state.iteration >= self.iterations else None
+
+
+class Solver(Protocol):
+    """A minimiser of the incremental potential."""
+
+    def prepare(self, state: MotionState, h: float) -> MotionState:
+        """Whatever depends on the length of the step, put into the state's memory; called before each frame."""
+
+    def init(self, potential: IncrementalPotential, memory: dict[str, NDArray]) -> SolverState:
+        """First iterate."""
+
+    def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
+        """One iteration."""
+
+    def finished(self, potential: IncrementalPotential, state: SolverState) -> Outcome | None:
+        """The reason to stop, or None to go on."""
+
+
+def minimise(solver: Solver, potential: IncrementalPotential, memory: dict[str, NDArray]) -> SolverState:
+    """Iterate until the solver says that it has finished."""
+    state = solver.init(potential, memory)
+    while solver.finished(potential, state) is None:
+        state = solver.step(potential, state)
+    return state

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Largest eigenvalues by power iteration: step lengths of smoothers and the stable step of explicit integration."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.hierarchy.layer import Layer
+from femgal.kernels.cpu.backend import CpuBackend
+from femgal.timestep.potential import IncrementalPotential
+
+Floats = NDArray[np.float64]
+
+SEED = 60_091_837
+
+
+def random_start(n: int) -> Floats:
+    """A start vector with a share of every mode, the same in every run; shape [n, 3]."""
+    return np.random.default_rng(SEED).standard_normal((n, 3))
+
+
+def largest_frequency_squared(
+    backend: CpuBackend, x: Floats, start: Floats, *, max_iterations: int = 60, tolerance: float = 0.02
+) -> tuple[float, Floats]:
+    """Upper estimate of omega_max^2, the largest eigenvalue of M^-1 K at x [1/s^2], and its mode.
+
+    The Rayleigh quotient theta of the iterate lies below the eigenvalue; |M^-1 K v - theta v|_M, which bounds the
+    distance from theta to the nearest eigenvalue, is added to it. Iteration stops when that is `tolerance` theta.
+    """
+    mass = backend.disc.mass[:, None]
+    v = np.where(backend.disc.free[:, None], start, 0.0)
+    theta = bound = 0.0
+    for _ in range(max_iterations):
+        v /= np.sqrt((mass * v * v).sum())
+        Kv = backend.hessian_product(x, v)
+        theta = float((v * Kv).sum())
+        w = Kv / mass
+        bound = float(np.sqrt((mass * (w - theta * v) ** 2).sum()))
+        v = w
+        if bound <= tolerance * abs(theta):
+            break
+    return abs(theta) + bound, v / np.sqrt((mass * v * v).sum())
+
+
+def largest_block_jacobi_eigenvalue(
+    potential: IncrementalPotential, layer: Layer, x: Floats, *, scalar: bool = False, iterations: int = 30
+) -> float:
+    """lambda_max(D_l^-1 A_l) of a layer, A_l = P^T (d2 phi) P at x and D_l its diagonal blocks (or diagonal)."""
+    backend = potential.backend
+    _, H = backend.gradient_and_blocks(layer, x, x, potential.inverse_h2)
+    v = random_start(layer.n_nodes)
+    value = 0.0
+    for iteration in range(iterations):
+        d = np.zeros_like(x)
+        backend.prolong(layer, v, d)
+        Av = backend.restrict(layer, potential.hessian_product(x, d))
+        w = backend.solve(Av, H, -1.0, scalar=scalar)
+        # Rayleigh quotient of D^-1 A at v in the inner product of A: converges twice as fast as the iterate's growth.
+        previous, value = value, float((Av * w).sum() / (Av * v).sum())
+        v = w / np.linalg.norm(w)
+        if iteration >= 10 and abs(value - previous) <= 1e-3 * value:
+            break
+    # The blocks D^-1 A_ii are identities, so the eigenvalues average 1 and the largest is no less.
+    return max(1.0, value)

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The state that time stepping hands on, and what every time-stepping method offers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionState:
+    """Everything that the next step depends on; a checkpoint holds exactly this.
+
+    Parameters
+    ----------
+    time : [s].
+    x, v : Positions [m] and velocities [m/s], shape [n, 3].
+    memory : Further arrays that the method carries from step to step, by name.
+    corrections : Largest correction [m] that each layer made in the last step, finest first; a diagnosis, not state.
+    """
+
+    time: float
+    x: Floats
+    v: Floats
+    memory: dict[str, NDArray] = field(default_factory=dict)
+    corrections: tuple[float, ...] = ()
+
+
+class Motion(Protocol):
+    """Prescribed motion of some vertices."""
+
+    @property
+    def vertices(self) -> NDArray[np.int64]:
+        """Indices of the vertices, shape [k]."""
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the vertices never move."""
+
+    def positions(self, time: float) -> Floats:
+        """Positions [m] at a time [s], shape [k, 3]."""
+
+
+class TimeStepper(Protocol):
+    """A time-stepping method: init / begin_frame / step."""
+
+    def init(self, x0: Floats, v0: Floats) -> MotionState:
+        """State at time zero."""
+
+    def begin_frame(self, state: MotionState, duration: float) -> tuple[MotionState, int]:
+        """Number of substeps that the method takes over the next frame of `duration` seconds."""
+
+    def step(self, state: MotionState, h: float) -> MotionState:
+        """State one step of h seconds later."""
+
+    def residual(self, state: MotionState) -> Floats | None:
+        """Residual [m] of the last step's equation, shape [n, 3]; None where no equation is solved."""
+
+
+def place(motions: Sequence[Motion], time: float, x: Floats) -> None:
+    """Put the constrained vertices where they have to be at a time, in place."""
+    for motion in motions:
+        x[motion.vertices] = motion.positions(time)
