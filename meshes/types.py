@@ -106,7 +106,7 @@ class TetMesh(_Mesh):
         Empty, wrong shape, NaN, index out of range, unused vertices, zero or negative volume.
     """
 
-    regions: NDArray[np.int32] | None = None  # type: ignore[assignment]
+    regions: NDArray[np.int32] = None  # type: ignore[assignment]
 
     _width = 4
     _cell = "tetrahedron"

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal
 
@@ -55,7 +56,7 @@ def step_lengths(
 
 
 @dataclass(eq=False)
-class Relaxation:
+class Relaxation(ABC):
     """Solvers that smooth layers with fixed step lengths; a subclass says which layers, in which order.
 
     Parameters
@@ -87,6 +88,10 @@ class Relaxation:
         """Start from the prediction."""
         self._w = memory["step_lengths"]
         return SolverState(potential.xhat.copy())
+
+    @abstractmethod
+    def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
+        """One iteration."""
 
     def finished(self, potential: IncrementalPotential, state: SolverState) -> Outcome | None:
         """The reason to stop, or None to go on."""

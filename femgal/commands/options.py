@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Options that `run` and `plan` share: they change a scene before it is validated."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from femgal.scene.model import Scene
+
+_OPTIONS = (
+    click.argument("scene", default="rabbit-drape"),
+    click.option("--vertices", type=click.IntRange(min=8), help="Vertices of every body."),
+    click.option("--frames", type=click.IntRange(min=1), help="Number of frames."),
+    click.option("--solver", help="fas, jacobi, scalar-jacobi or verlet."),
+    click.option("--substeps", type=click.IntRange(min=1), help="Time steps per frame."),
+    click.option("--iterations", type=click.IntRange(min=1), help="Cycles or sweeps per substep."),
+    click.option("--threads", type=click.IntRange(min=1), help="CPU threads; all by default."),
+    click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Any key: --set bodies.0.rho=1"),
+)
+
+
+def scene_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the scene argument and the options that change it."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+def scene_from_options(
+    scene: str,
+    vertices: int | None,
+    frames: int | None,
+    settings: tuple[str, ...],
+    **solver: str | int | None,
+) -> Scene:
+    """Load the scene that the options describe.
+
+    Raises
+    ------
+    InputError
+        The scene, or a value given, cannot be used.
+    """
+    from femgal.scene.load import load_scene
+
+    overrides: dict[str, object] = dict(_parsed(text) for text in settings)
+    names = {"solver": "solver.name"}
+    overrides |= {names.get(k, f"solver.{k}"): v for k, v in solver.items() if v is not None}
+    return load_scene(scene, vertices=vertices, frames=frames, overrides=overrides)
+
+
+def _parsed(text: str) -> tuple[str, object]:
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise click.UsageError(f"--set {text}: expected KEY=VALUE, such as bodies.0.rho=1")
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        # A bare word is meant as a string: --set solver.name=jacobi
+        return key.strip(), value.strip()

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`femgal plan`: what a run would do, and what it would skip."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from femgal.commands.options import scene_from_options, scene_options
+
+
+@click.command()
+@scene_options
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def command(as_json: bool, **options: Any) -> None:
+    """Print the plan of a scene: its stages, what each costs, and what is skipped and why."""
+    scene = scene_from_options(**options)
+    from femgal.simulation import Simulation
+
+    simulation = Simulation.prepare(scene)
+    if as_json:
+        _print_json(simulation)
+    else:
+        _print_tables(simulation)
+
+
+def _print_json(simulation: Any) -> None:
+    import json
+    from dataclasses import asdict
+
+    plan = simulation.plan
+    content = asdict(plan) | {"passes_per_substep": plan.passes_per_substep}
+    content["warnings"] = list(simulation.world.warnings)
+    click.echo(json.dumps(content, indent=2))
+
+
+def _print_tables(simulation: Any) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    scene, plan, console = simulation.scene, simulation.plan, Console()
+    title = f"{scene.name}: {simulation.disc.n_vertices} vertices, {simulation.disc.n_tets} tetrahedra"
+    table = Table("when", "stage", "", "unknowns", "tets", "passes", "note", title=title, title_justify="left")
+    for row in plan.rows():
+        table.add_row(*row, style="dim" if row[2] == "skipped" else None)
+    console.print(table)
+    if simulation.hierarchy:
+        console.print(str(simulation.hierarchy), highlight=False, soft_wrap=True)
+    steps = plan.substeps if plan.substeps else "as many as stability asks for"
+    console.print(f"substeps per frame: {steps}; element passes per substep: {plan.passes_per_substep:.3f}")
+    for warning in simulation.world.warnings:
+        console.print(f"warning: {warning}", style="yellow", soft_wrap=True)

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Numbers of one frame: energies, smallest J, residual; and the bound that tells a runaway from a lively motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.kernels.cpu.backend import CpuBackend
+from femgal.timestep.state import Motion, MotionState, place
+
+Floats = NDArray[np.float64]
+
+# No method here creates energy: backward Euler loses it and Verlet keeps it. Ten times all that ever went in is not a
+# matter of discretisation.
+RUNAWAY_FACTOR = 10.0
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Energies of a state [J] and its smallest volume ratio.
+
+    Parameters
+    ----------
+    kinetic : sum m v^2 / 2.
+    elastic : Sum over the tetrahedra, zero at rest.
+    potential : Of gravity, zero at the rest positions.
+    min_J : Smallest det F; negative where a tetrahedron is inverted.
+    """
+
+    kinetic: float
+    elastic: float
+    potential: float
+    min_J: float
+
+    @property
+    def total(self) -> float:
+        """Kinetic + elastic + potential."""
+        return self.kinetic + self.elastic + self.potential
+
+    def as_row(self) -> dict[str, float]:
+        """Entries of a row of run.json."""
+        return {
+            "kinetic_energy": self.kinetic,
+            "elastic_energy": self.elastic,
+            "potential_energy": self.potential,
+            "total_energy": self.total,
+            "min_J": self.min_J,
+        }
+
+
+def energies_of(backend: CpuBackend, state: MotionState, gravity: Floats) -> tuple[Energies, Floats, Floats]:
+    """Energies of a state; with them the elastic energy [J] and J of each tetrahedron."""
+    disc = backend.disc
+    energy, J = backend.energies(state.x)
+    kinetic = 0.5 * float(disc.mass @ np.einsum("ij,ij->i", state.v, state.v))
+    potential = -float(disc.mass @ ((state.x - disc.mesh.points) @ gravity))
+    return Energies(kinetic, float(energy.sum()), potential, float(J.min())), energy, J
+
+
+class EnergyGuard:
+    """Tells when a motion has more energy than anything can have given it.
+
+    The bound is the first total energy plus RUNAWAY_FACTOR times a scale: what the body had at the start, what gravity
+    gives it over its own height, and what its prescribed vertices may have put in. The last is bounded frame by frame
+    by the elastic energy that moving them alone, and nothing else, would store.
+    """
+
+    def __init__(self, backend: CpuBackend, gravity: Floats, motions: Sequence[Motion]) -> None:
+        self._backend, self._gravity = backend, gravity
+        self._moving = [motion for motion in motions if not motion.is_fixed]
+        self.injected = 0.0
+        self.start: Energies | None = None
+        self.last: Energies | None = None
+
+    def begin(self, energies: Energies) -> None:
+        """Take the energies at the start of the run as the reference."""
+        self.start = energies
+
+    def memory(self) -> dict[str, Any]:
+        """What a checkpoint has to keep, JSON-ready."""
+        return {"injected": self.injected, "start": asdict(self.start) if self.start else None}
+
+    def restore(self, memory: Mapping[str, Any]) -> None:
+        """Continue with what `memory` kept."""
+        self.injected = float(memory["injected"])
+        self.start = Energies(**memory["start"])
+
+    def allow_for_motion(self, state: MotionState, duration: float) -> None:
+        """Add what the prescribed vertices may put in over the next frame; costs nothing when none moves."""
+        if not self._moving:
+            return
+        before, _ = self._backend.energies(state.x)
+        x = state.x.copy()
+        place(self._moving, state.time + duration, x)
+        after, _ = self._backend.energies(x)
+        mass = self._backend.disc.mass[:, None]
+        dragged = 0.5 * float((mass * (x - state.x) ** 2).sum()) / duration**2
+        self.injected += max(0.0, float(after.sum() - before.sum())) + dragged
+
+    def limit(self) -> float:
+        """Largest total energy [J] that is still believed."""
+        assert self.start is not None
+        disc = self._backend.disc
+        height = float(np.ptp(disc.mesh.points, axis=0).max())
+        falling = float(disc.mass.sum()) * float(np.linalg.norm(self._gravity)) * height
+        scale = self.start.kinetic + self.start.elastic + falling + self.injected
+        # A body at rest without load has no scale of its own; its stiffness at one part in a million has.
+        scale += 1e-12 * float(disc.Vmu.sum())
+        return self.start.total + RUNAWAY_FACTOR * scale
+
+    def complaint(self, energies: Energies) -> str | None:
+        """What is wrong with a state, or None."""
+        if not math.isfinite(energies.total):
+            return "the energy is not finite"
+        if energies.total > self.limit():
+            return (
+                f"runaway: total energy {energies.total:.4g} J, more than anything can have put in "
+                f"(limit {self.limit():.4g} J)"
+            )
+        return None

@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs a scene and keeps what comes out of it: series, run log, checkpoints."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.failure import SolverFailure
+from femgal.output.checkpoint import load_checkpoint, save_checkpoint
+from femgal.output.fields import find_field
+from femgal.output.folder import prepare_output
+from femgal.output.runlog import RunLog
+from femgal.output.series import SeriesWriter, open_series
+from femgal.scene.load import load_scene
+from femgal.scene.model import Scene
+from femgal.simulation import Frame, Simulation, Stopped
+from femgal.timestep.state import MotionState
+
+Floats = NDArray[np.float64]
+Status = Literal["finished", "interrupted", "failed"]
+
+
+class Progress:
+    """Told what a run is doing; this one keeps quiet."""
+
+    def announce(self, text: str) -> None:
+        """Something is being built or compiled."""
+
+    def start(self, simulation: Simulation, first_frame: int) -> None:
+        """The first frame is about to be solved."""
+
+    def substep(self, substep: int, substeps: int) -> None:
+        """One substep of the present frame is done."""
+
+    def frame(self, row: Mapping[str, Any]) -> None:
+        """A frame is done."""
+
+
+@dataclass(eq=False)
+class RunResult:
+    """How a run ended.
+
+    Parameters
+    ----------
+    status : "finished", "interrupted" (by the user, with a checkpoint), or "failed" (good frames kept).
+    simulation : The scene as it was run.
+    state : State at the last good frame.
+    rows : One dict per frame computed in this call, as in run.json.
+    displacements : x - X [m] per frame computed in this call, each of shape [n, 3]; only kept when nothing is written.
+    out : Output folder, None when nothing was written.
+    failure : What went wrong, None unless failed.
+    """
+
+    status: Status
+    simulation: Simulation
+    state: MotionState | None = None
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    displacements: list[Floats] = field(default_factory=list)
+    out: Path | None = None
+    failure: SolverFailure | OSError | None = None
+
+
+def run(
+    scene: Scene | str | Path,
+    out: Path | str | None = None,
+    *,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> RunResult:
+    """Solve a scene.
+
+    Parameters
+    ----------
+    scene : A scene, the name of a built-in one, or the path of a scene file.
+    out : Folder for the series, run.json and checkpoints; None keeps the displacements in the result instead.
+    resume : Go on with the run in `out` from its last checkpoint, bit for bit as if it had not stopped.
+    progress : Told what is being done.
+
+    Raises
+    ------
+    InputError
+        The scene or the folder cannot be used. Nothing has been lost or overwritten.
+    """
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    progress = progress or Progress()
+    if out is None:
+        return _Run(Simulation.prepare(scene, progress.announce), progress).go(None)
+    existed = Path(out).exists()
+    folder = prepare_output(Path(out), resume=resume)
+    try:
+        simulation = Simulation.prepare(scene, progress.announce)
+        point = _Point.load(folder, simulation.fingerprint) if resume else None
+        recorder = _Recorder(folder, simulation, point)
+    except ValueError:
+        if not existed:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
+    return _Run(simulation, progress, recorder).go(point)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A checkpoint: frame, state, and the energy guard's memory."""
+
+    frame: int
+    state: MotionState
+    guard: dict[str, Any]
+
+    @classmethod
+    def load(cls, folder: Path, fingerprint: str) -> _Point:
+        arrays, meta = load_checkpoint(folder, fingerprint=fingerprint)
+        memory = {name.removeprefix("memory/"): a for name, a in arrays.items() if name.startswith("memory/")}
+        return cls(meta["frame"], MotionState(meta["time"], arrays["x"], arrays["v"], memory), meta["guard"])
+
+    def save(self, folder: Path, fingerprint: str) -> None:
+        memory = {f"memory/{name}": array for name, array in self.state.memory.items()}
+        meta = {"fingerprint": fingerprint, "frame": self.frame, "time": self.state.time, "guard": self.guard}
+        save_checkpoint(folder, {"x": self.state.x, "v": self.state.v, **memory}, meta)
+
+
+class _Recorder:
+    """Writes the frames of one run into its folder."""
+
+    def __init__(self, folder: Path, simulation: Simulation, point: _Point | None) -> None:
+        self.folder, self._simulation = folder, simulation
+        self._every = simulation.scene.output.every
+        self._saved: int | None = point.frame if point else None
+        kept = None if point is None else point.frame + 1
+        if kept is None:
+            self.log = RunLog.create(folder, _header(simulation))
+        else:
+            self.log = RunLog.resume(folder, kept)
+        static_point, static_cell = simulation.static_fields()
+        self._series: SeriesWriter = open_series(
+            folder,
+            simulation.world.mesh,
+            format=simulation.scene.output.format,
+            static_cell_data=static_cell,
+            static_point_data=static_point,
+            resume_frames=None if kept is None else 1 + (kept - 1) // self._every,
+        )
+
+    def record(self, frame: Frame) -> None:
+        """Write a frame: the series first, so that the log never promises a frame that is not there."""
+        if frame.index % self._every == 0:
+            point: dict[str, NDArray[Any]] = {}
+            cell: dict[str, NDArray[Any]] = {}
+            for name, values in frame.fields.items():
+                entry = find_field(name)
+                (point if entry and entry.kind == "point" else cell)[name] = values
+            numbers = {k: v for k, v in frame.row.items() if isinstance(v, int | float)}
+            self._series.append(frame.state.time, point, cell, _same_names(numbers))
+        self.log.append_frame(frame.row)
+        if frame.index % self._simulation.scene.output.checkpoint_every == 0:
+            self.checkpoint(frame)
+
+    def checkpoint(self, frame: Frame) -> None:
+        """Save the state of a frame that has been recorded, unless that has been done."""
+        if frame.index != self._saved:
+            guard = self._simulation.guard.memory()
+            _Point(frame.index, frame.state, guard).save(self.folder, self._simulation.fingerprint)
+            self._saved = frame.index
+
+    def finish(self, status: Status, failure: SolverFailure | OSError | None) -> None:
+        """Close the series and the log."""
+        self._series.close()
+        extra: dict[str, Any] = {}
+        if isinstance(failure, SolverFailure):
+            extra["failure"] = failure.as_dict()
+        elif failure is not None:
+            extra["failure"] = {"what": str(failure)}
+        self.log.finish(status, **extra)
+
+
+class _Run:
+    """One call of `run`."""
+
+    def __init__(self, simulation: Simulation, progress: Progress, recorder: _Recorder | None = None) -> None:
+        self._simulation, self._progress, self._recorder = simulation, progress, recorder
+        self._result = RunResult("finished", simulation, out=recorder.folder if recorder else None)
+        self._stop = False
+
+    def go(self, point: _Point | None) -> RunResult:
+        """Solve all frames, and end well whatever happens."""
+        self._progress.announce("compiling kernels (first run only) and estimating spectra")
+        self._simulation.compile()
+        self._progress.start(self._simulation, point.frame + 1 if point else 0)
+        resume = (point.frame, point.state, point.guard) if point else None
+        last: Frame | None = None
+        with _signals(self._ask_to_stop):
+            try:
+                for frame in self._simulation.frames(resume, self._on_substep):
+                    self._keep(frame)
+                    last = frame
+                    if self._stop:
+                        raise Stopped
+            except Stopped:
+                self._end("interrupted", last)
+            except (SolverFailure, OSError) as failure:
+                self._end("failed", last, failure)
+            else:
+                self._end("finished", last)
+        return self._result
+
+    def _keep(self, frame: Frame) -> None:
+        if self._recorder:
+            self._recorder.record(frame)
+        else:
+            self._result.displacements.append(frame.state.x - self._simulation.world.mesh.points)
+        self._result.rows.append(frame.row)
+        self._result.state = frame.state
+        self._progress.frame(frame.row)
+
+    def _end(self, status: Status, last: Frame | None, failure: SolverFailure | OSError | None = None) -> None:
+        self._result.status, self._result.failure = status, failure
+        if not self._recorder:
+            return
+        try:
+            if last is not None:
+                self._recorder.checkpoint(last)
+            self._recorder.finish(status, failure)
+        except OSError as error:
+            # The disk is full or gone; what was flushed before stays, and the first cause is the one to report.
+            self._result.status, self._result.failure = "failed", failure or error
+
+    def _on_substep(self, substep: int, substeps: int) -> bool:
+        self._progress.substep(substep, substeps)
+        return not self._stop
+
+    def _ask_to_stop(self) -> None:
+        self._stop = True
+
+
+@contextlib.contextmanager
+def _signals(stop: Any) -> Iterator[None]:
+    """Turn Ctrl-C and a polite kill into a call of `stop` while the block runs; a second one gets through."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        stop()
+        signal.signal(number, before[signal.Signals(number)])
+
+    for number in before:
+        signal.signal(number, handle)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _same_names(numbers: dict[str, Any]) -> dict[str, float]:
+    """Numbers of a frame for the series, which wants the same names at every frame: eps18 is missing at frame 0."""
+    return {"eps18": float("nan"), **{name: float(value) for name, value in numbers.items()}}
+
+
+def _header(simulation: Simulation) -> dict[str, Any]:
+    scene, world = simulation.scene, simulation.world
+    return {
+        "scene": scene.model_dump(mode="json"),
+        "mesh": {
+            "vertices": simulation.disc.n_vertices,
+            "tets": simulation.disc.n_tets,
+            "free_vertices": int(simulation.disc.free.sum()),
+            "sha256": world.mesh.content_hash,
+            "bodies": world.origins,
+        },
+        "warnings": list(world.warnings),
+        "fingerprint": simulation.fingerprint,
+        "hierarchy": str(simulation.hierarchy).splitlines() if simulation.hierarchy else None,
+        "plan": [" | ".join(row) for row in simulation.plan.rows()],
+        "threads": simulation.backend.workers.threads,
+        "device": "cpu",
+        "precision": "float64",
+    }

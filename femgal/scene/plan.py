@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The plan: which stages a scene needs, how much each costs, and what is skipped because nothing in it needs that.
+
+A simulation runs the stages that its plan says run, and no others; `femgal plan SCENE` prints it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from femgal.discretisation import Discretisation
+from femgal.hierarchy.hierarchy import FEWEST_NODES, Hierarchy
+from femgal.output.fields import FIELDS, find_field
+from femgal.scene.build import World
+from femgal.scene.model import Scene
+from femgal.scene.problems import Problem, SceneError
+
+# Substeps per frame where the scene leaves them open: 0.2% trajectory error on the soft bunny with spectral steps.
+DEFAULT_SUBSTEPS = 100
+
+When = Literal["start", "substep", "frame"]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of a run.
+
+    Parameters
+    ----------
+    name : Unique within a plan.
+    when : "start", each "substep", or each "frame".
+    runs : False when the scene has no use for it.
+    note : What it does, or why it is skipped.
+    unknowns : Nodes whose positions it solves for.
+    elements : Tetrahedra that it visits.
+    passes : Element passes over the finest mesh that one call costs.
+    """
+
+    name: str
+    when: When
+    runs: bool
+    note: str = ""
+    unknowns: int = 0
+    elements: int = 0
+    passes: float = 0.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Stages in the order in which they run, the skipped ones among them."""
+
+    stages: tuple[Stage, ...]
+    substeps: int | None
+    iterations: int
+    fields: tuple[str, ...]
+
+    def runs(self, name: str) -> bool:
+        """Whether the stage of this name runs."""
+        return any(stage.runs for stage in self.stages if stage.name == name)
+
+    @property
+    def passes_per_substep(self) -> float:
+        """Element passes over the finest mesh in one substep."""
+        return sum(stage.passes for stage in self.stages if stage.when == "substep" and stage.runs)
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """One row per stage: when, name, runs or skipped, unknowns, elements, passes, note."""
+        return [
+            (
+                stage.when,
+                stage.name,
+                "runs" if stage.runs else "skipped",
+                f"{stage.unknowns}" if stage.unknowns else "",
+                f"{stage.elements}" if stage.elements else "",
+                f"{stage.passes:.3f}" if stage.passes else "",
+                stage.note,
+            )
+            for stage in self.stages
+        ]
+
+
+def make_plan(scene: Scene, world: World, disc: Discretisation, hierarchy: Hierarchy | None) -> Plan:
+    """Decide what a scene needs.
+
+    Raises
+    ------
+    SceneError
+        An output field that this scene cannot have.
+    """
+    settings = scene.solver
+    explicit = settings.name == "verlet"
+    substeps = settings.substeps if settings.substeps or explicit else DEFAULT_SUBSTEPS
+    _check_fields(scene, hierarchy, explicit)
+    stages = (
+        *_start_stages(scene, disc, hierarchy),
+        *_motion_stages(scene, world, disc),
+        *_solver_stages(scene, disc, hierarchy),
+        *_frame_stages(scene, disc, explicit),
+    )
+    return Plan(stages, substeps, settings.iterations, tuple(scene.output.fields))
+
+
+def _check_fields(scene: Scene, hierarchy: Hierarchy | None, explicit: bool) -> None:
+    n_coarse = len(hierarchy.layers) - 1 if hierarchy else 0
+    impossible = {f"cluster_{k}" for k in range(1000)} - {f"cluster_{k}" for k in range(1, n_coarse + 1)}
+    if explicit:
+        impossible.add("residual")
+    for name in scene.output.fields:
+        if name in impossible:
+            possible = [*FIELDS, *(f"cluster_{k}" for k in range(1, n_coarse + 1))]
+            if explicit:
+                possible.remove("residual")
+            why = (
+                f"the solver has {n_coarse} coarse layers on this mesh"
+                if name.startswith("cluster")
+                else "an explicit method has no residual"
+            )
+            problem = Problem("output.fields", why, repr(name), ", ".join(possible), "leave the field out")
+            raise SceneError([problem], source=scene.name)
+
+
+def _start_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | None) -> list[Stage]:
+    name = scene.solver.name
+    n_free = int(disc.free.sum())
+    stages = [Stage("discretisation", "start", True, f"{disc.n_vertices} vertices", n_free, disc.n_tets)]
+    if hierarchy is None:
+        stages.append(Stage("hierarchy", "start", False, f"{name} works on the finest mesh only"))
+    else:
+        stages.append(Stage("hierarchy", "start", True, f"ratio {hierarchy.ratio}, {len(hierarchy.layers)} layers"))
+    if name == "verlet":
+        given = scene.solver.substeps is not None
+        note = "substeps given" if given else "largest frequency by power iteration, followed every frame"
+        stages.append(Stage("stable step", "start", not given, note))
+    else:
+        spectral = scene.solver.steps == "spectral"
+        note = "2 / (1 + lambda_max) of each layer by power iteration" if spectral else "step lengths given"
+        stages.append(Stage("spectral step lengths", "start", spectral, note))
+    return stages
+
+
+def _motion_stages(scene: Scene, world: World, disc: Discretisation) -> list[Stage]:
+    fixed = sum(len(motion.vertices) for motion in world.motions if motion.is_fixed)
+    moving = sum(len(motion.vertices) for motion in world.motions if not motion.is_fixed)
+    return [
+        Stage("prediction", "substep", True, "xhat = x + h v + h^2 g", int(disc.free.sum())),
+        Stage("damping", "substep", scene.damping > 0.0, f"alpha = {scene.damping:g} 1/s"),
+        Stage("fixed vertices", "substep", fixed > 0, f"{fixed} vertices"),
+        Stage("moving vertices", "substep", moving > 0, f"{moving} vertices"),
+    ]
+
+
+def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | None) -> list[Stage]:
+    n_free, iterations = int(disc.free.sum()), scene.solver.iterations
+    if scene.solver.name == "verlet":
+        return [Stage("acceleration", "substep", True, "gradient", n_free, disc.n_tets, 1.0)]
+    if hierarchy is None:
+        return [Stage("layer 0", "substep", True, scene.solver.name, n_free, disc.n_tets, float(iterations))]
+    stages = [_unneeded_layer(scene, n_free, hierarchy)]
+    finest = max(1, len(hierarchy.layers[0].element))
+    for number, layer in reversed(list(enumerate(hierarchy.layers))):
+        passes = iterations * len(layer.element) / finest
+        note = layer.name
+        stages.append(Stage(f"layer {number}", "substep", True, note, layer.n_nodes, len(layer.active), passes))
+        if number > 0:
+            interior = disc.n_tets - len(layer.active)
+            note = f"{interior} elements inside one cluster contribute exactly zero"
+            stages.append(Stage(f"interior of layer {number}", "substep", False, note, 0, interior))
+    if iterations > 1 or scene.solver.tolerance is not None:
+        return stages
+    return [*stages, Stage("stopping test", "substep", False, "one iteration and no tolerance")]
+
+
+def _unneeded_layer(scene: Scene, n_free: int, hierarchy: Hierarchy) -> Stage:
+    """The first coarse layer that the hierarchy does not have."""
+    number = len(hierarchy.layers)
+    size = hierarchy.ratio**number
+    asked = scene.solver.layers != "full" and number > scene.solver.layers
+    why = "not asked for" if asked else f"would have {n_free // size} nodes, fewer than {FEWEST_NODES}"
+    return Stage(f"layer {number}", "substep", False, f"clusters of {size}: {why}")
+
+
+def _frame_stages(scene: Scene, disc: Discretisation, explicit: bool) -> list[Stage]:
+    output = scene.output
+    residual_note = "an explicit method has no residual" if explicit else "eps18 and its field"
+    stages = [
+        Stage("energies", "frame", True, "energies and smallest J", 0, disc.n_tets, 1.0),
+        Stage("residual", "frame", not explicit, residual_note, 0, disc.n_tets, 0.0 if explicit else 1.0),
+    ]
+    for name in [*(name for name in FIELDS if name != "residual"), "cluster_<layer>"]:
+        wanted = [f for f in output.fields if f == name or (name == "cluster_<layer>" and f.startswith("cluster_"))]
+        entry = find_field(name)
+        note = (entry.description if entry else ", ".join(wanted)) if wanted else "not among the output fields"
+        stages.append(Stage(f"field {name}", "frame", bool(wanted), note))
+    stages.append(Stage("write", "frame", True, f"{output.format}, every {output.every} frame(s)"))
+    stages.append(Stage("checkpoint", "frame", True, f"every {output.checkpoint_every} frame(s)"))
+    return stages

@@ -1,0 +1,251 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A scene made ready to run, and the loop over its frames. Writes nothing: `femgal.runner` does."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.diagnostics import Energies, EnergyGuard, energies_of
+from femgal.discretisation import Discretisation, discretise
+from femgal.failure import SolverFailure
+from femgal.hierarchy.hierarchy import Hierarchy, build_constant_hierarchy
+from femgal.kernels.cpu.backend import CpuBackend
+from femgal.scene.build import World, build_world
+from femgal.scene.model import Scene
+from femgal.scene.plan import Plan, make_plan
+from femgal.timestep.build import build_stepper
+from femgal.timestep.potential import eps18
+from femgal.timestep.state import MotionState, TimeStepper
+
+Floats = NDArray[np.float64]
+
+# Called with what is being done now: "building mesh", "compiling", ...
+Announce = Callable[[str], None]
+# Called after each substep with (substep, substeps); returns False to stop after the last complete frame.
+OnSubstep = Callable[[int, int], bool]
+
+
+class Stopped(Exception):
+    """The caller asked to stop in the middle of a frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One frame of a run; frame 0 is the start.
+
+    Parameters
+    ----------
+    index : Number of the frame.
+    state : Positions, velocities and everything else that the next frame depends on.
+    row : The numbers of the frame, as in run.json.
+    fields : The output fields that the plan names, one array per name; static ones are not repeated here.
+    """
+
+    index: int
+    state: MotionState
+    row: dict[str, Any]
+    fields: dict[str, NDArray]
+
+
+@dataclass(eq=False)
+class Simulation:
+    """A scene with its mesh, hierarchy, plan and time-stepping method.
+
+    Parameters
+    ----------
+    scene : What to solve.
+    world : Mesh, material, start and prescribed motion of all bodies.
+    disc : The discretised bodies.
+    hierarchy : Layers of the multigrid solver; None for the others.
+    plan : Stages that run, and those that are skipped.
+    backend : Element passes.
+    stepper : Time-stepping method.
+    """
+
+    scene: Scene
+    world: World
+    disc: Discretisation
+    hierarchy: Hierarchy | None
+    plan: Plan
+    backend: CpuBackend
+    stepper: TimeStepper
+    guard: EnergyGuard = field(init=False)
+    _start: MotionState | None = field(default=None, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self.gravity = np.asarray(self.scene.gravity, np.float64)
+        self.guard = EnergyGuard(self.backend, self.gravity, self.world.motions)
+
+    @classmethod
+    def prepare(cls, scene: Scene, announce: Announce = lambda text: None) -> Simulation:
+        """Build everything that a scene needs.
+
+        Raises
+        ------
+        InputError
+            The scene cannot be built; the message says where, what was found and what is allowed.
+        """
+        announce("building the mesh")
+        world = build_world(scene)
+        constrained = np.concatenate([np.empty(0, np.int64), *(motion.vertices for motion in world.motions)])
+        disc = discretise(world.mesh, world.E, world.nu, world.rho, constrained)
+        hierarchy = None
+        if scene.solver.name == "fas":
+            announce("building the hierarchy")
+            hierarchy = build_constant_hierarchy(disc, scene.solver.ratio, scene.solver.layers)
+        plan = make_plan(scene, world, disc, hierarchy)
+        backend = CpuBackend(disc, scene.solver.threads, hierarchy.layers[0] if hierarchy else None)
+        stepper = build_stepper(scene, plan, backend, hierarchy, world.motions)
+        return cls(scene, world, disc, hierarchy, plan, backend, stepper)
+
+    @property
+    def frame_duration(self) -> float:
+        """Seconds from frame to frame."""
+        return 1.0 / self.scene.frames_per_second
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Digest of all that a result depends on; a checkpoint fits only a simulation with the same one.
+
+        The number of frames, the output and the threads do not count: a run may be continued with others.
+        """
+        from femgal import __version__
+
+        settings = self.scene.model_dump(mode="json", exclude={"frames", "output", "description"})
+        settings["solver"].pop("threads")
+        text = f"{__version__} {self.world.mesh.content_hash} {sorted(settings.items())}"
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def static_fields(self) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+        """Output fields that never change: (per vertex, per tetrahedron)."""
+        cell: dict[str, NDArray] = {"region": self.world.mesh.regions, "body": self.world.body}
+        point: dict[str, NDArray] = {}
+        for number, layer in enumerate(self.hierarchy.layers if self.hierarchy else ()):
+            point[f"cluster_{number}"] = layer.parent[:, 0]
+        wanted = self.plan.fields
+        return {k: v for k, v in point.items() if k in wanted}, {k: v for k, v in cell.items() if k in wanted}
+
+    def start(self) -> MotionState:
+        """State at time zero; what the method estimates before its first step is done once."""
+        if self._start is None:
+            state = self.stepper.init(self.world.x0, self.world.v0)
+            self._start, _ = self.stepper.begin_frame(state, self.frame_duration)
+        return self._start
+
+    def compile(self) -> None:
+        """Run one step and throw it away, so that no frame's time contains compilation."""
+        self._measure(0, self.stepper.step(self.start(), 1e-3 * self.frame_duration))
+        self.backend.passes = type(self.backend.passes)()
+
+    def frames(
+        self,
+        resume: tuple[int, MotionState, Mapping[str, Any]] | None = None,
+        on_substep: OnSubstep = lambda substep, substeps: True,
+    ) -> Iterator[Frame]:
+        """Frame 0 and all after it, or those after a checkpoint.
+
+        Parameters
+        ----------
+        resume : (frame, state, guard) of a checkpoint: its frame is not yielded again.
+        on_substep : Called after each substep; when it returns False, `Stopped` is raised.
+
+        Raises
+        ------
+        SolverFailure
+            The motion ran away; every frame yielded before is good.
+        Stopped
+            on_substep asked for it.
+        """
+        if resume is None:
+            state, first = self.start(), 1
+            frame, energies = self._measure(0, state)
+            self.guard.begin(energies)
+            yield frame
+        else:
+            index, state, guard = resume
+            first = index + 1
+            self.guard.restore(guard)
+        for index in range(first, self.scene.frames + 1):
+            frame, energies = self._advance(index, state, on_substep)
+            state = frame.state
+            complaint = self.guard.complaint(energies)
+            if complaint:
+                raise self._failure(complaint, index, None, state)
+            self.guard.last = energies
+            yield frame
+
+    def _advance(self, index: int, state: MotionState, on_substep: OnSubstep) -> tuple[Frame, Energies]:
+        began, passes = time.perf_counter(), self.backend.passes.as_dict()
+        self.guard.allow_for_motion(state, self.frame_duration)
+        state, substeps = self.stepper.begin_frame(state, self.frame_duration)
+        h = self.frame_duration / substeps
+        for substep in range(1, substeps + 1):
+            state = self.stepper.step(state, h)
+            if not np.isfinite(state.x.sum()):
+                raise self._failure("positions are not finite", index, substep, state)
+            if not on_substep(substep, substeps):
+                raise Stopped
+        # Adding h many times drifts; the frame's own time does not.
+        state = replace(state, time=index * self.frame_duration)
+        frame, energies = self._measure(index, state)
+        by_kind = {kind: count - passes[kind] for kind, count in self.backend.passes.as_dict().items()}
+        frame.row.update(
+            seconds=time.perf_counter() - began,
+            substeps=substeps,
+            passes=sum(by_kind.values()),
+            passes_by_kind=by_kind,
+        )
+        return frame, energies
+
+    def _measure(self, index: int, state: MotionState) -> tuple[Frame, Energies]:
+        energies, energy, J = energies_of(self.backend, state, self.gravity)
+        residual = self.stepper.residual(state) if index > 0 else None
+        row = {
+            "frame": index,
+            "time": state.time,
+            "seconds": 0.0,
+            "substeps": 0,
+            "passes": 0.0,
+            "passes_by_kind": {kind: 0.0 for kind in self.backend.passes.as_dict()},
+            "eps18": None if residual is None else eps18(residual),
+            **energies.as_row(),
+        }
+        computed: dict[str, Callable[[], NDArray]] = {
+            "displacement": lambda: state.x - self.disc.mesh.points,
+            "velocity": lambda: state.v,
+            "residual": lambda: _norms(residual, self.disc.n_vertices),
+            "von_mises": lambda: self.backend.von_mises(state.x),
+            "J": lambda: J,
+            "energy_density": lambda: energy / self.disc.V,
+        }
+        fields = {name: computed[name]() for name in self.plan.fields if name in computed}
+        return Frame(index, state, row, fields), energies
+
+    def _failure(self, what: str, frame: int, substep: int | None, state: MotionState) -> SolverFailure:
+        layer = None
+        if self.hierarchy and state.corrections:
+            sizes = np.nan_to_num(np.asarray(state.corrections), nan=np.inf)
+            number = int(np.argmax(sizes))
+            layer = f"layer {number} ({self.hierarchy.layers[number].name})"
+        last = self.guard.last or self.guard.start
+        energies = {} if last is None else {k: v for k, v in last.as_row().items() if k.endswith("energy")}
+        return SolverFailure(what, frame=frame, substep=substep, layer=layer, energies=energies, advice=self._advice())
+
+    def _advice(self) -> str:
+        settings = self.scene.solver
+        if settings.name == "verlet":
+            return "leave solver.substeps out, or lower solver.safety; or take --solver fas"
+        advice = f"more substeps (--substeps {2 * (self.plan.substeps or 1)})"
+        return advice if settings.steps == "spectral" else f"{advice}, or --set solver.steps=spectral"
+
+
+def _norms(residual: Floats | None, n: int) -> Floats:
+    return np.zeros(n) if residual is None else np.linalg.norm(residual, axis=1)

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""From the settings of a scene to a time-stepping method with its solver."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from femgal.hierarchy.hierarchy import Hierarchy
+from femgal.kernels.cpu.backend import CpuBackend
+from femgal.scene.model import Scene, SolverSettings
+from femgal.scene.plan import Plan
+from femgal.solvers.fas import FAS
+from femgal.solvers.jacobi import Jacobi, ScalarJacobi
+from femgal.solvers.smoother import LU2025_STEPS, Relaxation, StepRule
+from femgal.solvers.solver import Budget
+from femgal.timestep.backward_euler import BackwardEuler
+from femgal.timestep.state import Motion, TimeStepper
+from femgal.timestep.velocity_verlet import VelocityVerlet
+
+_SOLVERS: dict[str, type[Relaxation]] = {"fas": FAS, "jacobi": Jacobi, "scalar-jacobi": ScalarJacobi}
+
+
+def build_stepper(
+    scene: Scene, plan: Plan, backend: CpuBackend, hierarchy: Hierarchy | None, motions: Sequence[Motion]
+) -> TimeStepper:
+    """The method that `scene.solver` asks for."""
+    settings, gravity = scene.solver, np.asarray(scene.gravity, np.float64)
+    if settings.name == "verlet":
+        return VelocityVerlet(backend, gravity, scene.damping, motions, settings.safety, settings.substeps)
+    layers = hierarchy.layers if hierarchy else (backend.vertices,)
+    budget = Budget(settings.iterations, settings.tolerance)
+    solver = _SOLVERS[settings.name](backend, layers, _steps(settings), budget)
+    assert plan.substeps is not None
+    return BackwardEuler(backend, solver, plan.substeps, gravity, scene.damping, motions)
+
+
+def _steps(settings: SolverSettings) -> StepRule:
+    if settings.steps == "spectral":
+        return "spectral"
+    return LU2025_STEPS if settings.steps == "lu2025" else settings.steps
