@@ -6,12 +6,12 @@ from __future__ import annotations
 import logging
 import os
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, TypeVar
 
 from meshes import generators
 from meshes.catalogue import Entry, resolve
 from meshes.errors import InputError
+from meshes.io.source import readable
 from meshes.io.surfaces import SURFACE_SUFFIXES, read_surface, surface_of
 from meshes.io.tets import read_raw, tets_of
 from meshes.ordering import reorder
@@ -62,7 +62,7 @@ def make_tets(name_or_path: str | os.PathLike[str], vertices: int | None = None)
         raise InputError(
             "impossible vertex count", where=entry.name, found=vertices, allowed=f"{_SMALLEST} to {_LARGEST}"
         )
-    made = _generated(entry.name, vertices) if entry.path is None else _from_file(entry, entry.path, vertices)
+    made = _generated(entry.name, vertices) if entry.path is None else _from_file(entry, vertices)
     mesh, _, _ = reorder(made.mesh)
     _log(mesh)
     return replace(made, mesh=mesh)
@@ -89,26 +89,38 @@ def _grid(mesh: TetMesh, asked: int | None) -> Made:
     return Made(mesh, messages=[f"asked for {asked} vertices: the nearest grid has {found}"] if off else [])
 
 
-def _from_file(entry: Entry, path: Path, vertices: int | None) -> Made:
-    if path.suffix.lower() in SURFACE_SUFFIXES:
-        return _filled(_credited(read_surface(path), entry), vertices or DEFAULT_VERTICES)
-    from meshes.io.source import readable
+def load(entry: Entry) -> Made | TriMesh:
+    """Return what an entry holds, unfilled: a surface, or a tetrahedral mesh with messages.
 
-    raw = read_raw(readable(path))
+    Procedural entries are made at their default size. Raises as `make_tets`.
+    """
+    if entry.path is None:
+        return _generated(entry.name, None)
+    path = readable(entry.path)
+    if path.suffix.lower() in SURFACE_SUFFIXES:
+        return _credited(read_surface(path), entry)
+    raw = read_raw(path)
     counts = raw.counts()
     if not counts["tetra"] and set(counts) & {"triangle", "quad"}:
-        return _filled(_credited(surface_of(raw, path), entry), vertices or DEFAULT_VERTICES)
+        return _credited(surface_of(raw, path), entry)
     mesh, messages = tets_of(raw, path)
+    return Made(_credited(mesh, entry), messages=messages)
+
+
+def _from_file(entry: Entry, vertices: int | None) -> Made:
+    loaded = load(entry)
+    if isinstance(loaded, TriMesh):
+        return _filled(loaded, vertices or DEFAULT_VERTICES)
     if vertices is not None:
         raise InputError(
             "a tetrahedral mesh is used as it is, it cannot be given another number of vertices",
-            where=str(path),
-            found=f"vertices = {vertices}, the file has {len(mesh.points)}",
+            where=entry.source,
+            found=f"vertices = {vertices}, the file has {len(loaded.mesh.points)}",
             advice="leave the number out, or give a closed surface instead",
         )
     from meshes.quality import quality
 
-    return Made(_credited(mesh, entry), messages=messages + list(quality(mesh).warnings))
+    return replace(loaded, messages=loaded.messages + list(quality(loaded.mesh).warnings))
 
 
 def _filled(surface: TriMesh, vertices: int) -> Made:

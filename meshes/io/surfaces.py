@@ -80,7 +80,10 @@ def write_surface(path: str | Path, mesh: TriMesh) -> None:
     writer = _WRITERS.get(path.suffix.lower())
     if writer is None:
         raise InputError(
-            "cannot write this format", where=str(path), found=path.suffix or "no suffix", allowed=", ".join(_WRITERS)
+            "surfaces cannot be written in this format",
+            where=str(path),
+            found=path.suffix or "no suffix",
+            allowed=", ".join(_WRITERS),
         )
     try:
         writer(path, mesh)

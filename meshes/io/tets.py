@@ -111,11 +111,7 @@ def write_tets(path: str | Path, mesh: TetMesh) -> list[str]:
         Unknown suffix, missing folder, or the file cannot be written.
     """
     path = writable(path)
-    suffix = path.suffix.lower()
-    if suffix not in WRITABLE:
-        raise InputError(
-            "cannot write this format", where=str(path), found=suffix or "no suffix", allowed=", ".join(WRITABLE)
-        )
+    suffix = check_format(path)
     try:
         if suffix == ".t":
             write_t(path, mesh)
@@ -125,6 +121,19 @@ def write_tets(path: str | Path, mesh: TetMesh) -> list[str]:
         raise InputError("cannot be written", where=str(path), found=error.strerror or str(error)) from error
     name = "" if suffix == ".t" else _WRITERS[suffix][1]
     return [] if name or not np.any(mesh.regions) else [f"{suffix} has no place for regions: they were left out"]
+
+
+def check_format(path: Path) -> str:
+    """Return the suffix when tetrahedra can be written in its format, else raise InputError."""
+    suffix = path.suffix.lower()
+    if suffix not in WRITABLE:
+        raise InputError(
+            "tetrahedra cannot be written in this format",
+            where=str(path),
+            found=suffix or "no suffix",
+            allowed=", ".join(WRITABLE),
+        )
+    return suffix
 
 
 def _write_with_meshio(path: Path, mesh: TetMesh, module: str, region: str) -> None:
@@ -158,10 +167,10 @@ def _refuse_other_cells(raw: RawMesh, where: str) -> None:
     )
 
 
-def _regions(raw: RawMesh, where: str, messages: list[str]) -> NDArray[np.int32] | None:
+def _regions(raw: RawMesh, where: str, messages: list[str]) -> NDArray[np.int32]:
     name = next((name for name in REGION_NAMES if name in raw.data), None)
     if name is None:
-        return None
+        return np.zeros(raw.counts()["tetra"], np.int32)
     values = raw.cell_data(name, "tetra")
     if values.ndim != 1 or not np.array_equal(values, values.astype(np.int32)):
         raise MeshError(
