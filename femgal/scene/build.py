@@ -74,7 +74,10 @@ def build_world(scene: Scene) -> World:
         A mesh that cannot be made; a region, constraint or pull that selects nothing; a vertex in two constraints;
         no free vertex.
     """
-    parts = [_build_part(body, f"bodies[{i}]", scene.name) for i, body in enumerate(scene.bodies)]
+    made = _make_meshes(scene)
+    parts = [
+        _build_part(b, m, f"bodies[{i}]", scene.name) for i, (b, m) in enumerate(zip(scene.bodies, made, strict=True))
+    ]
     mesh = _joined([part.mesh for part in parts])
     body = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part.mesh.cells) for part in parts])
     vertex_body = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part.mesh.points) for part in parts])
@@ -89,8 +92,16 @@ def build_world(scene: Scene) -> World:
     return World(mesh, body, vertex_body, E, nu, rho, x0, v0, motions, tuple(warnings), origins)
 
 
-def _build_part(body: Body, key: str, source: str) -> _Part:
-    made = _made(body, key, source)
+def _make_meshes(scene: Scene) -> list[Any]:
+    """Make the mesh of each body; bodies that ask for the same mesh share one."""
+    made: dict[tuple[str, int | None], Any] = {}
+    for number, body in enumerate(scene.bodies):
+        if (body.mesh, body.vertices) not in made:
+            made[body.mesh, body.vertices] = _make_mesh(body, f"bodies[{number}]", scene.name)
+    return [made[body.mesh, body.vertices] for body in scene.bodies]
+
+
+def _build_part(body: Body, made: Any, key: str, source: str) -> _Part:
     mesh: TetMesh = made.mesh.moved(placed(made.mesh.points, body))
     return _Part(
         mesh=mesh,
@@ -102,7 +113,7 @@ def _build_part(body: Body, key: str, source: str) -> _Part:
     )
 
 
-def _made(body: Body, key: str, source: str) -> Any:
+def _make_mesh(body: Body, key: str, source: str) -> Any:
     from meshes.make import make_tets
 
     try:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femgal.scene.model import Constraint
 from femgal.scene.motion import Motion, make_motion
 from femgal.scene.problems import Problem, SceneError
-from femgal.scene.select import bounding_box, describe, describe_box, select
+from femgal.scene.select import bounding_box, describe, describe_box, describe_point, select
 
 Floats = NDArray[np.float64]
 
@@ -80,10 +80,11 @@ def _vertices(
 
 def _refuse_taken(owner: NDArray, vertices: NDArray, points: Floats, number: int, source: str) -> None:
     taken = vertices[owner[vertices] >= 0]
-    if len(taken):
-        other = int(owner[taken[0]])
-        found = f"{len(taken)} vertices are in constraints[{other}] too, the first at {np.round(points[taken[0]], 6)} m"
-        problem = Problem(
-            f"constraints[{number}]", f"shares vertices with constraints[{other}]", found, "one constraint per vertex"
-        )
-        raise SceneError([problem], source=source)
+    if not len(taken):
+        return
+    other = int(owner[taken[0]])
+    count, first = int((owner[taken] == other).sum()), describe_point(points[taken[0]])
+    found = f"{count} vertices are in constraints[{other}] too, the first at {first} [m]"
+    what = f"shares vertices with constraints[{other}]"
+    problem = Problem(f"constraints[{number}]", what, found, "one constraint per vertex")
+    raise SceneError([problem], source=source)

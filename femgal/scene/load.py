@@ -99,7 +99,7 @@ def _parse_toml(text: str, source: str) -> dict[str, Any]:
     try:
         # Files written on Windows may start with a byte order mark, which TOML does not know.
         return tomllib.loads(text.removeprefix("\ufeff"))
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, deep nesting
         match = _POSITION.match(str(error))
         what = match["what"] if match else str(error)
         if match and match["line"]:

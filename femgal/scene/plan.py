@@ -176,7 +176,7 @@ def _unneeded_layer(scene: Scene, n_free: int, hierarchy: Hierarchy) -> Stage:
     number = len(hierarchy.layers)
     size = hierarchy.ratio**number
     asked = scene.solver.layers != "full" and number > scene.solver.layers
-    why = "not asked for" if asked else f"would have {n_free // size} nodes, fewer than {FEWEST_NODES}"
+    why = "not asked for" if asked else f"{n_free} free vertices make fewer than {FEWEST_NODES} of them"
     return Stage(f"layer {number}", "substep", False, f"clusters of {size}: {why}")
 
 

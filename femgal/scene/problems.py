@@ -84,7 +84,7 @@ def _problem(item: Any, model: type[BaseModel]) -> Problem:
     if kind == "extra_forbidden":
         return _unknown_key(location, owner)
     if kind.startswith("union_tag"):
-        return _unknown_kind(location, item, context)
+        return _unknown_kind(location, item["input"], field)
     allowed = context.get("allowed") or (allowed_text(location, field) if field else None)
     return Problem(
         key=context.get("key") or key_text(location),
@@ -107,14 +107,13 @@ def _unknown_key(location: Location, owner: type[BaseModel] | None) -> Problem:
     return Problem(key_text(location), "unknown key", name, ", ".join(known), close_match(name, known))
 
 
-def _unknown_kind(location: Location, item: Any, context: dict[str, Any]) -> Problem:
-    found = item["input"].get("kind") if isinstance(item["input"], dict) else item["input"]
-    kinds = [word.strip("' ") for word in context.get("expected_tags", "").split(",") if word]
-    what = "required key is missing" if found is None else "not one of the choices"
-    allowed = ", ".join(f'"{name}"' for name in kinds) or "a table with the key kind"
-    return Problem(
-        key_text((*location, "kind")), what, None if found is None else shown(found), allowed, close_match(found, kinds)
-    )
+def _unknown_kind(location: Location, found: Any, field: FieldInfo | None) -> Problem:
+    kinds = [str(_tag(option)) for option in tables(field.annotation)] if field else []
+    allowed = ", ".join(shown(kind) for kind in kinds)
+    key, kind = key_text((*location, "kind")), found.get("kind") if isinstance(found, dict) else found
+    if kind is None:
+        return Problem(key, _WHAT["missing"], allowed=allowed)
+    return Problem(key, _WHAT["literal_error"], shown(kind), allowed, close_match(kind, kinds))
 
 
 def _choice_hint(kind: str, found: object, field: FieldInfo | None) -> str:

@@ -8,6 +8,7 @@ Each kind is an annotated type. Bounds, `Unit` and `Words` are read twice: by py
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any
@@ -33,11 +34,13 @@ class Words:
     text: str
 
 
+_HUGE = sys.float_info.max
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    # Bounds in place of isfinite, which fails on integers beyond the range of floats.
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and -_HUGE <= value <= _HUGE
 
 
 def _vector(value: Any) -> tuple[float, ...]:

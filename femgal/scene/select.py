@@ -51,24 +51,25 @@ def select(selector: Selector, points: Points, box: tuple[Points, Points]) -> Ma
 def describe(selector: Selector) -> str:
     """Return a selector in words: ``box from (0, 0, 0.9) to (1, 1, 1), relative to the body``."""
     if selector.box is not None:
-        text = f"box from {_coordinates(selector.box.min)} to {_coordinates(selector.box.max)}"
+        text = f"box from {describe_point(selector.box.min)} to {describe_point(selector.box.max)}"
     elif selector.sphere is not None:
-        text = f"sphere of radius {selector.sphere.radius:g} about {_coordinates(selector.sphere.center)}"
+        text = f"sphere of radius {selector.sphere.radius:g} about {describe_point(selector.sphere.center)}"
     elif selector.halfspace is not None:
         point, normal = selector.halfspace.point, selector.halfspace.normal
-        text = f"halfspace beyond {_coordinates(point)} towards {_coordinates(normal)}"
+        text = f"halfspace beyond {describe_point(point)} towards {describe_point(normal)}"
     else:
         return "all" if selector.all else "none"
     return text + (", relative to the body" if selector.relative else " [m]")
 
 
+def describe_point(point: Points | tuple[float, float, float]) -> str:
+    """Return a point in words: ``(0, 0, 0.96)``."""
+    return "(" + ", ".join(f"{value:.4g}" for value in point) + ")"
+
+
 def describe_box(box: tuple[Points, Points]) -> str:
     """Return a bounding box in words: ``(0, 0, 0) to (1, 1, 1) [m]``."""
-    return f"{_coordinates(box[0])} to {_coordinates(box[1])} [m]"
-
-
-def _coordinates(point: Points | tuple[float, float, float]) -> str:
-    return "(" + ", ".join(f"{value:.4g}" for value in point) + ")"
+    return f"{describe_point(box[0])} to {describe_point(box[1])} [m]"
 
 
 def _metres(point: tuple[float, float, float], selector: Selector, box: tuple[Points, Points]) -> Points:
