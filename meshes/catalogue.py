@@ -52,8 +52,8 @@ class Entry:
 def resolve(name_or_path: str | os.PathLike[str]) -> Entry:
     """Find a mesh: an existing file, then FEMGAL_MESH_PATH, then procedural names, then the download cache.
 
-    In each folder of FEMGAL_MESH_PATH, and in its sub-folder ``tets``, files ``NAME`` + one of `SUFFIXES` are looked
-    for, in that order.
+    In each folder of FEMGAL_MESH_PATH, and in its sub-folder ``tets``, a file ``NAME`` with or without one of
+    `SUFFIXES` is looked for, in that order.
 
     Raises
     ------
@@ -104,8 +104,8 @@ def _as_path(name: str) -> Entry | None:
 def _in_folders(name: str) -> Entry | None:
     if not name or os.sep in name:
         return None
-    candidates = (folder / f"{name}{suffix}" for folder in search_folders() for suffix in SUFFIXES)
-    return next((_file(path) for path in candidates if path.is_file()), None)
+    candidates = (folder / f"{name}{suffix}" for folder in search_folders() for suffix in ("", *SUFFIXES))
+    return next((_file(path) for path in candidates if _is_mesh(path)), None)
 
 
 def _procedural(name: str) -> Entry | None:

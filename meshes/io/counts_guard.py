@@ -13,10 +13,10 @@ from pathlib import Path
 
 from meshes.errors import MeshError
 
-# Longest digit runs first: the pattern must not stop at 18 digits and see a harmless number.
 _DECLARED = re.compile(
     rb"(?:POINTS|CELLS|CELL_TYPES|element vertex|element face|Vertices|Tetrahedra|Triangles|NELEM=|NPOIN=)\s+(\d+)"
-    rb"|\$(?:Nodes|Elements)\s+(?:\d+\s+)?(\d+)"
+    # Version 2: the count alone on its line. Version 4: number of blocks, then the count.
+    rb"|\$(?:Nodes|Elements)\s+(\d+)(?:[ \t]+(\d+))?"
 )
 _SUFFIXES = {".vtk", ".msh", ".mesh", ".su2", ".ply", ".off"}
 
@@ -34,7 +34,7 @@ def check_counts(path: Path) -> None:
     size = path.stat().st_size
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
         for match in _DECLARED.finditer(content):
-            number = int((match[1] or match[2])[:30])
+            number = max(int(digits[:30]) for digits in match.groups() if digits)
             if number > size:
                 raise MeshError(
                     "declares more items than the file can hold",

@@ -30,6 +30,7 @@ def read_t(path: Path) -> RawMesh:
     """
     ids: list[int] = []
     rows: dict[str, list[list[float]]] = {"Vertex": [], "Tet": []}
+    line = "\n"
     with path.open(encoding="utf-8", errors="replace") as stream:
         for number, line in enumerate(stream, 1):
             words = line.partition("{")[0].split()
@@ -47,7 +48,10 @@ def read_t(path: Path) -> RawMesh:
                 ids.append(identity)
     points = np.array(rows["Vertex"], np.float64).reshape(-1, 3)
     tets = np.array(rows["Tet"], np.int64).reshape(-1, 4)
-    return RawMesh(points, [("tetra", _positions_of(tets, np.array(ids, np.int64), path))])
+    blocks = [("tetra", _positions_of(tets, np.array(ids, np.int64), path))]
+    # The format has no counts: this is the only trace that a cut-off file may leave.
+    messages = [] if line.endswith("\n") else ["the last line has no line end: the file may be cut off"]
+    return RawMesh(points, blocks, messages=messages)
 
 
 def write_t(path: Path, mesh: TetMesh) -> None:

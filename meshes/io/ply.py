@@ -127,9 +127,10 @@ def _read_binary(stream: BinaryIO, elements: list[_Element], order: str) -> tupl
     data = stream.read()
     width = int(np.frombuffer(data, order + count_type, 1)[0])
     record = np.dtype([("n", order + count_type), ("v", order + index_type, (width,)), *_trailing(face, order)])
-    faces = np.frombuffer(data[: face.count * record.itemsize], record)
-    if len(faces) == face.count and (faces["n"] == width).all():
-        return points, [_block(faces["v"].astype(np.int64))]
+    if len(data) >= face.count * record.itemsize:
+        faces = np.frombuffer(data, record, face.count)
+        if (faces["n"] == width).all():
+            return points, [_block(faces["v"].astype(np.int64))]
     return points, _mixed_faces(data, face, order)
 
 

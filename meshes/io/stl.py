@@ -60,7 +60,7 @@ def _ascii_corners(data: bytes, path: Path) -> NDArray[np.float64]:
     try:
         corners = np.array([[float(word) for word in words[k + 1 : k + 4]] for k in at]).reshape(-1, 3)
     except ValueError as error:
-        raise MeshError("the STL text is damaged", where=str(path), found=str(error)[:80]) from error
+        raise MeshError("the STL text is damaged or cut off", where=str(path), found=str(error)[:80]) from error
     if len(corners) % 3 or not data.rstrip().lower().split(b"\n")[-1].startswith(b"endsolid"):
         raise MeshError("the STL text is cut off", where=str(path), found=f"{len(corners)} corners", allowed="3 each")
     return corners
