@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What a tetrahedralisation gave, in figures."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from meshes.distance import SurfaceDistance, surface_distance
+from meshes.quality import Dihedrals, dihedrals
+from meshes.stuffing.repair import Repairs
+from meshes.stuffing.signs import Sample
+from meshes.stuffing.spacing import vertices_at
+from meshes.stuffing.thickness import ACCEPTED_LOSS, LOST_BELOW, share_below, sufficient_spacing
+from meshes.surface import boundary, component_labels
+from meshes.types import Cells, Points, TetMesh, TriMesh
+
+
+@dataclass(frozen=True)
+class StuffingReport:
+    """Figures of a tetrahedralisation.
+
+    Parameters
+    ----------
+    asked, vertices, tets, components : Vertices asked for; vertices, tetrahedra and connected pieces obtained.
+    spacing : Cubic spacing of the lattice [m].
+    volume : Volume of the tetrahedra [m^3].
+    volume_ratio : That over the volume inside the surface, overlaps of the surface with itself counted once.
+    lost_share : Share of the volume inside the surface that no tetrahedron covers, in total.
+    thin_share : Share of the volume inside the surface where it is thinner than 0.75 spacings: lost, as a rule.
+    distance : From the mesh's boundary to the surface (forward) and back [m].
+    dihedral : Distribution of dihedral angles [degrees].
+    repairs : Contacts separated, tetrahedra and fragments removed.
+    unresolved_cuts, unbalanced_lines : Lattice edges and lines on which rounding spoiled the crossings; normally 0.
+    warning : In words, when more than 1% of the volume is lost; names a number of vertices that should suffice.
+    """
+
+    asked: int
+    vertices: int
+    tets: int
+    components: int
+    spacing: float
+    volume: float
+    volume_ratio: float
+    lost_share: float
+    thin_share: float
+    distance: SurfaceDistance
+    dihedral: Dihedrals
+    repairs: Repairs
+    unresolved_cuts: int
+    unbalanced_lines: int
+    warning: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {**asdict(self), "distance": self.distance.as_dict()}
+
+
+def report(asked: int, mesh: TetMesh, surface: TriMesh, sample: Sample, repairs: Repairs) -> StuffingReport:
+    """Measure a mesh against the surface that it fills."""
+    volume = float(mesh.volumes.sum())
+    enclosed = surface.enclosed_volume - sample.doubled
+    lost = max(0.0, 1.0 - volume / enclosed)
+    return StuffingReport(
+        asked=asked,
+        vertices=len(mesh.points),
+        tets=len(mesh.cells),
+        components=len(np.unique(component_labels(mesh.cells))),
+        spacing=sample.lattice.spacing,
+        volume=volume,
+        volume_ratio=volume / enclosed,
+        lost_share=lost,
+        thin_share=share_below(sample.thin, sample.inside, LOST_BELOW),
+        distance=surface_distance(_skin(mesh.points, mesh.cells), surface),
+        dihedral=dihedrals(mesh.points, mesh.cells),
+        repairs=repairs,
+        unresolved_cuts=sample.unresolved,
+        unbalanced_lines=sample.unbalanced,
+        warning=_warning(len(mesh.points), lost, enclosed, sample) if lost > ACCEPTED_LOSS else "",
+    )
+
+
+def _skin(points: Points, cells: Cells) -> TriMesh:
+    triangles = boundary(cells)
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    return TriMesh(points[used], renumbered.reshape(-1, 3).astype(np.int32))
+
+
+def _warning(vertices: int, lost: float, enclosed: float, sample: Sample) -> str:
+    h = sample.lattice.spacing
+    layer = max((vertices - 2.0 * enclosed / h**3) * h**2, 0.0)
+    finer = h * sufficient_spacing(sample.thin, sample.inside, lost)
+    thin = share_below(sample.thin, sample.inside, LOST_BELOW)
+    return (
+        f"{100 * lost:.1f}% of the volume is lost at a spacing of {h:.3g} m"
+        f" ({100 * thin:.1f}% of the body is thinner than {LOST_BELOW * h:.3g} m);"
+        f" about {_rounded_up(vertices_at(finer, enclosed, layer)):,} vertices should keep all but 1%"
+    )
+
+
+def _rounded_up(number: float) -> int:
+    """To two significant figures."""
+    unit = 10.0 ** (np.floor(np.log10(number)) - 1)
+    return int(np.ceil(number / unit) * unit)
