@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Small problems for tests of the solver core: meshes, materials, and states that hurt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.discretisation import Discretisation, discretise
+from femgal.hierarchy.layer import Layer, build_layer
+from femgal.kernels.cpu.backend import CpuBackend
+from femgal.timestep.backward_euler import BackwardEuler
+from femgal.timestep.potential import IncrementalPotential
+from femgal.timestep.state import MotionState
+from meshes.generators import box
+from meshes.ordering import reorder
+from meshes.types import TetMesh
+from verify.reference.newton import ReferenceNewton
+
+Floats = NDArray[np.float64]
+
+SEED = 20_260_117
+STATES = ("rest", "random", "stretched", "inverted")
+
+
+def rng(salt: int = 0) -> np.random.Generator:
+    """A generator of its own for each use."""
+    return np.random.default_rng(SEED + 2 * salt)
+
+
+def distorted_box(cells: tuple[int, int, int] = (7, 4, 4), jitter: float = 0.12) -> TetMesh:
+    """Box with cells near 0.1 m and displaced inner vertices, in Morton order."""
+    size = (0.1 * cells[0], 0.11 * cells[1], 0.09 * cells[2])
+    return reorder(box(size, cells, jitter=jitter, seed=SEED))[0]
+
+
+def varied(mesh: TetMesh, constrained: NDArray | tuple = ()) -> Discretisation:
+    """A different material in every tetrahedron: E over two decades, nu from -0.2 to 0.48, rho over one decade."""
+    m, random = len(mesh.cells), rng(1)
+    E, nu = 10.0 ** random.uniform(4.0, 6.0, m), random.uniform(-0.2, 0.48, m)
+    return discretise(mesh, E, nu, 10.0 ** random.uniform(2.0, 3.0, m), constrained)
+
+
+def uniform(mesh: TetMesh, constrained: NDArray | tuple = (), E: float = 1e5, nu: float = 0.4) -> Discretisation:
+    """One material, rho = 1000 kg/m^3."""
+    return discretise(mesh, E, nu, 1000.0, constrained)
+
+
+def left_end(mesh: TetMesh, width: float = 1e-9) -> NDArray:
+    """Vertices with x up to `width` [m] from the smallest."""
+    return np.flatnonzero(mesh.points[:, 0] <= mesh.points[:, 0].min() + width)
+
+
+def positions(mesh: TetMesh, state: str) -> Floats:
+    """Positions [m] of a named state, shape [n, 3]."""
+    X, noise = mesh.points, rng(2).standard_normal(mesh.points.shape)
+    if state == "rest":
+        return X.copy()
+    if state == "random":
+        return X + 0.04 * noise
+    if state == "stretched":
+        return X * [20.0, 0.3, 0.3] + 0.004 * noise
+    if state == "inverted":
+        return X * [-1.0, 0.9, 1.2] + 0.01 * noise
+    raise ValueError(state)
+
+
+def linear_layer(disc: Discretisation, n_nodes: int = 12) -> Layer:
+    """A layer with four random parents per free vertex and barycentric weights, a few of them zero."""
+    random, n = rng(3), disc.n_vertices
+    parent = np.stack([random.choice(n_nodes, 4, replace=False) for _ in range(n)]).astype(np.int32)
+    weight = random.dirichlet(np.ones(4), n)
+    unused = random.random(n) < 0.2
+    weight[unused, 3] = 0.0
+    weight /= weight.sum(axis=1, keepdims=True)
+    parent[unused, 3] = -1
+    parent[~disc.free] = -1
+    return build_layer(disc, parent, weight, n_nodes, "made up")
+
+
+@dataclass(frozen=True)
+class Moving:
+    """Vertices that go along a straight line: positions rest + velocity t."""
+
+    vertices: NDArray[np.int64]
+    rest: Floats
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the vertices never move."""
+        return not any(self.velocity)
+
+    def positions(self, time: float) -> Floats:
+        """Positions [m], shape [k, 3]."""
+        return self.rest + time * np.array(self.velocity)
+
+
+def converged_euler(
+    disc: Discretisation,
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    damping: float = 0.0,
+    motions: tuple = (),
+) -> BackwardEuler:
+    """Backward Euler whose steps are solved by the reference Newton method to rounding."""
+    return BackwardEuler(CpuBackend(disc, 1), ReferenceNewton(disc), 1, np.array(gravity), damping, motions)
+
+
+def march(stepper: BackwardEuler, state: MotionState, h: float, steps: int) -> list[MotionState]:
+    """The given state and those after each of a number of steps of h seconds."""
+    states = [state]
+    for _ in range(steps):
+        states.append(stepper.step(states[-1], h))
+    return states
+
+
+def potential_at(disc: Discretisation, xhat: Floats, h: float, inertia: float = 1.0) -> IncrementalPotential:
+    """Incremental potential on one thread."""
+    return IncrementalPotential(CpuBackend(disc, 1), xhat, h, inertia)
+
+
+def slopes(errors: Floats, factor: float = 2.0) -> Floats:
+    """Observed orders between successive errors when the parameter falls by `factor` each time."""
+    errors = np.asarray(errors)
+    return np.log(errors[:-1] / errors[1:]) / np.log(factor)
