@@ -17,6 +17,7 @@ from meshes.errors import MeshError
 from meshes.jit import kernel
 from meshes.types import Origin, Points, TriMesh
 
+Vector = tuple[float, float, float]
 Values = Callable[[Points], NDArray[np.float64]]
 
 _BISECTIONS = 30
@@ -50,8 +51,8 @@ _INSIDE_COUNT = np.array([bin(mask).count("1") for mask in range(16)], np.int64)
 
 def isosurface(
     values: Values,
-    lower: tuple[float, float, float],
-    upper: tuple[float, float, float],
+    lower: Vector,
+    upper: Vector,
     spacing: float,
     *,
     smoothing: int = 6,
@@ -75,10 +76,7 @@ def isosurface(
     MeshError
         No surface in the box, the surface leaves the box, or the lattice has more than 4e8 nodes.
     """
-    shape = _lattice_shape(np.asarray(lower), np.asarray(upper), spacing)
-    low = 0.5 * (np.asarray(lower) + np.asarray(upper)) - 0.5 * spacing * np.array(shape)
-    at_nodes = _node_values(values, low, spacing, shape)
-    _refuse_cut_boundary(at_nodes, shape)
+    low, shape, at_nodes = _sampled(values, lower, upper, spacing)
     ends = np.empty((_march(at_nodes, *shape, np.empty((0, 3, 2), np.int64)), 3, 2), np.int64)
     if len(ends) == 0:
         raise MeshError("the function has no zero in the box", where="isosurface", found=f"spacing {spacing} m")
@@ -90,6 +88,23 @@ def isosurface(
     for _ in range(smoothing):
         points = _on_surface(values, _smoothed(points, triangles), spacing)
     return TriMesh(points, triangles, origin or Origin("isosurface"))
+
+
+def count_triangles(values: Values, lower: Vector, upper: Vector, spacing: float) -> int:
+    """Triangles that `isosurface` would make, without making them; same arguments and errors."""
+    _, shape, at_nodes = _sampled(values, lower, upper, spacing)
+    return _march(at_nodes, *shape, np.empty((0, 3, 2), np.int64))
+
+
+def _sampled(
+    values: Values, lower: Vector, upper: Vector, spacing: float
+) -> tuple[Points, tuple[int, int, int], NDArray[np.float64]]:
+    """Lowest corner of the lattice, its cells along each axis, and the function at its nodes."""
+    shape = _lattice_shape(np.asarray(lower), np.asarray(upper), spacing)
+    low = 0.5 * (np.asarray(lower) + np.asarray(upper)) - 0.5 * spacing * np.array(shape)
+    at_nodes = _node_values(values, low, spacing, shape)
+    _refuse_cut_boundary(at_nodes, shape)
+    return low, shape, at_nodes
 
 
 def _lattice_shape(lower: Points, upper: Points, spacing: float) -> tuple[int, int, int]:

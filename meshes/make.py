@@ -125,13 +125,11 @@ def _from_file(entry: Entry, vertices: int | None) -> Made:
 
 def _filled(surface: TriMesh, vertices: int) -> Made:
     from meshes.stuffing.tetrahedralise import tetrahedralise
-    from meshes.surface import check_closed, outward
+    from meshes.surface import outward
 
-    check_closed(surface)
-    surface = outward(surface)
     mesh, report = tetrahedralise(surface, vertices)
     messages = [report.warning] if report.warning else []
-    return Made(replace(mesh, origin=surface.origin), surface, report.as_dict(), messages)
+    return Made(replace(mesh, origin=surface.origin), outward(surface), report.as_dict(), messages)
 
 
 def _credited(mesh: AnyMesh, entry: Entry) -> AnyMesh:

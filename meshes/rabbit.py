@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshes.errors import InputError
-from meshes.isosurface import isosurface
+from meshes.isosurface import Vector, count_triangles, isosurface
 from meshes.jit import kernel, scalar
 from meshes.types import Origin, Points, TriMesh
 
-Vector = tuple[float, float, float]
-
 _LOWER, _UPPER = (-0.55, -0.40, -0.08), (0.50, 0.40, 1.10)
 _CONE, _ELLIPSOID = 0.0, 1.0
+# Width [m] over which the mirror plane of paired parts is rounded: |y| has a kink, the animal should not.
+_MIRROR = 0.02
 
 
 @dataclass(frozen=True)
@@ -34,13 +34,13 @@ class _Ellipsoid:
     roll: float = 0.0
     paired: bool = False
 
-    def row(self, side: float) -> list[float]:
-        """Parameters for the kernel; ``side`` = -1 mirrors to the animal's right."""
-        x, y, z = self.centre
-        p, r = np.radians(self.pitch), side * np.radians(self.roll)
+    def row(self) -> list[float]:
+        """Parameters for the kernel."""
+        p, r = np.radians(self.pitch), np.radians(self.roll)
         turn_y = np.array([[np.cos(p), 0, np.sin(p)], [0, 1, 0], [-np.sin(p), 0, np.cos(p)]])
         turn_x = np.array([[1, 0, 0], [0, np.cos(r), -np.sin(r)], [0, np.sin(r), np.cos(r)]])
-        return [_ELLIPSOID, self.blend, x, side * y, z, *self.radii, *(turn_x @ turn_y).T.ravel()]
+        turned = (turn_x @ turn_y).T.ravel()
+        return [_ELLIPSOID, float(self.paired), self.blend, *self.centre, *self.radii, *turned]
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,9 @@ class _Cone:
     blend: float
     paired: bool = False
 
-    def row(self, side: float) -> list[float]:
-        """Parameters for the kernel; ``side`` = -1 mirrors to the animal's right."""
-        mirrored = [(x, side * y, z) for x, y, z in (self.start, self.end)]
-        return [_CONE, self.blend, *mirrored[0], *mirrored[1], *self.radii, *(0.0,) * 7]
+    def row(self) -> list[float]:
+        """Parameters for the kernel."""
+        return [_CONE, float(self.paired), self.blend, *self.start, *self.end, *self.radii, *(0.0,) * 7]
 
 
 _PARTS: tuple[_Ellipsoid | _Cone, ...] = (
@@ -66,9 +65,9 @@ _PARTS: tuple[_Ellipsoid | _Cone, ...] = (
     _Ellipsoid((-0.335, 0.0, 0.17), (0.075, 0.075, 0.075), 0.02),
     # legs
     _Ellipsoid((-0.10, 0.145, 0.165), (0.150, 0.080, 0.150), 0.04, pitch=-20, paired=True),
-    _Cone((-0.13, 0.165, 0.046), (0.10, 0.175, 0.048), (0.046, 0.048), 0.03, paired=True),
-    _Cone((0.11, 0.075, 0.28), (0.165, 0.078, 0.06), (0.058, 0.046), 0.04, paired=True),
-    _Ellipsoid((0.195, 0.080, 0.042), (0.070, 0.048, 0.042), 0.025, paired=True),
+    _Cone((-0.13, 0.168, 0.046), (0.085, 0.184, 0.047), (0.046, 0.047), 0.03, paired=True),
+    _Cone((0.11, 0.075, 0.28), (0.165, 0.075, 0.06), (0.058, 0.046), 0.04, paired=True),
+    _Ellipsoid((0.198, 0.076, 0.042), (0.068, 0.047, 0.042), 0.02, paired=True),
     # head
     _Ellipsoid((0.145, 0.0, 0.545), (0.160, 0.130, 0.130), 0.07, pitch=12),
     _Ellipsoid((0.200, 0.066, 0.488), (0.080, 0.066, 0.062), 0.05, paired=True),
@@ -80,7 +79,7 @@ _PARTS: tuple[_Ellipsoid | _Cone, ...] = (
     _Ellipsoid((0.222, 0.099, 0.578), (0.026, 0.020, 0.030), 0.003, paired=True),
     _Ellipsoid((0.326, 0.0, 0.521), (0.017, 0.025, 0.015), 0.004),
 )
-_SOLIDS = np.array([part.row(side) for part in _PARTS for side in ((1.0, -1.0) if part.paired else (1.0,))])
+_SOLIDS = np.array([part.row() for part in _PARTS])
 
 
 def rabbit_surface(triangles: int = 40_000) -> TriMesh:
@@ -93,12 +92,7 @@ def rabbit_surface(triangles: int = 40_000) -> TriMesh:
     """
     if not 2_000 <= triangles <= 20_000_000:
         raise InputError("impossible triangle count", where="rabbit", found=triangles, allowed="2000 to 20000000")
-    # The count grows with the inverse square of the spacing: measured once on a coarse lattice.
-    coarse = 0.04
-    count = len(isosurface(rabbit_values, _LOWER, _UPPER, coarse, smoothing=0).cells)
-    spacing = coarse * float(np.sqrt(count / triangles))
-    mesh = isosurface(rabbit_values, _LOWER, _UPPER, spacing)
-    return _standing(mesh)
+    return _standing(isosurface(rabbit_values, _LOWER, _UPPER, _spacing_for(triangles)))
 
 
 def rabbit_values(points: Points) -> NDArray[np.float64]:
@@ -111,6 +105,22 @@ def rabbit_values(points: Points) -> NDArray[np.float64]:
     values = np.empty(len(points))
     _union(np.ascontiguousarray(points), _SOLIDS, values)
     return values
+
+
+def _spacing_for(triangles: int) -> float:
+    """Lattice spacing [m] for a number of triangles: the count grows with its inverse square.
+
+    Lattices coarser than the feet and eyes depart from that law and are counted again.
+    """
+    spacing = 0.04
+    for _ in range(4):
+        count = count_triangles(rabbit_values, _LOWER, _UPPER, spacing)
+        if abs(count - triangles) <= 0.02 * triangles:
+            break
+        spacing *= float(np.sqrt(count / triangles))
+        if spacing < 0.02:
+            break
+    return spacing
 
 
 def _standing(mesh: TriMesh) -> TriMesh:
@@ -129,23 +139,23 @@ def _smooth_min(a: float, b: float, width: float) -> float:
 
 @scalar
 def _cone(x: float, y: float, z: float, s: NDArray[np.float64]) -> float:
-    ux, uy, uz = s[5] - s[2], s[6] - s[3], s[7] - s[4]
-    px, py, pz = x - s[2], y - s[3], z - s[4]
+    ux, uy, uz = s[6] - s[3], s[7] - s[4], s[8] - s[5]
+    px, py, pz = x - s[3], y - s[4], z - s[5]
     t = (px * ux + py * uy + pz * uz) / (ux * ux + uy * uy + uz * uz)
     t = min(max(t, 0.0), 1.0)
     dx, dy, dz = px - t * ux, py - t * uy, pz - t * uz
-    return np.sqrt(dx * dx + dy * dy + dz * dz) - (s[8] + t * (s[9] - s[8]))
+    return np.sqrt(dx * dx + dy * dy + dz * dz) - (s[9] + t * (s[10] - s[9]))
 
 
 @scalar
 def _ellipsoid(x: float, y: float, z: float, s: NDArray[np.float64]) -> float:
     """First-order distance: f / |grad f| with f = |p / r|^2 - 1 written so that it is Lipschitz far away."""
-    px, py, pz = x - s[2], y - s[3], z - s[4]
-    a = (s[8] * px + s[9] * py + s[10] * pz) / s[5]
-    b = (s[11] * px + s[12] * py + s[13] * pz) / s[6]
-    c = (s[14] * px + s[15] * py + s[16] * pz) / s[7]
+    px, py, pz = x - s[3], y - s[4], z - s[5]
+    a = (s[9] * px + s[10] * py + s[11] * pz) / s[6]
+    b = (s[12] * px + s[13] * py + s[14] * pz) / s[7]
+    c = (s[15] * px + s[16] * py + s[17] * pz) / s[8]
     length = np.sqrt(a * a + b * b + c * c)
-    slope = np.sqrt((a / s[5]) ** 2 + (b / s[6]) ** 2 + (c / s[7]) ** 2)
+    slope = np.sqrt((a / s[6]) ** 2 + (b / s[7]) ** 2 + (c / s[8]) ** 2)
     return length * (length - 1.0) / max(slope, 1e-9)
 
 
@@ -153,9 +163,11 @@ def _ellipsoid(x: float, y: float, z: float, s: NDArray[np.float64]) -> float:
 def _union(points: Points, solids: NDArray[np.float64], values: NDArray[np.float64]) -> None:
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        mirrored = np.sqrt(y * y + _MIRROR * _MIRROR)
         total = 1e3
         for k in range(len(solids)):
             s = solids[k]
-            one = _ellipsoid(x, y, z, s) if s[0] == _ELLIPSOID else _cone(x, y, z, s)
-            total = _smooth_min(total, one, s[1])
+            side = mirrored if s[1] > 0.0 else y
+            one = _ellipsoid(x, side, z, s) if s[0] == _ELLIPSOID else _cone(x, side, z, s)
+            total = _smooth_min(total, one, s[2])
         values[i] = total
