@@ -34,8 +34,8 @@ def assert_morton(mesh) -> None:
 
 @pytest.mark.parametrize("name", ["rabbit", "sphere", "cube", "beam"])
 def test_procedural_names(name):
-    made = make_tets(name, 4000)
-    assert len(made.mesh.points) == pytest.approx(4000, rel=0.05)
+    made = make_tets(name, 5000)
+    assert len(made.mesh.points) == pytest.approx(5000, rel=0.05)
     assert (made.mesh.origin.name, made.mesh.origin.source, made.mesh.origin.sha256) == (name, "procedural", "")
     assert_morton(made.mesh)
     assert made.messages == []
