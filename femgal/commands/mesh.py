@@ -137,11 +137,16 @@ def _origin_rows(made: Made) -> Rows:
 
 
 def _report_rows(report: dict[str, Any] | None) -> Rows:
-    values = {} if report is None else report
-    shown = {key: value for key, value in values.items() if isinstance(value, (int, float)) and key != "warning"}
+    if report is None:
+        return []
+    distance = report["distance"]
     return [
-        (key.replace("_", " "), f"{value:.5g}" if isinstance(value, float) else str(value))
-        for key, value in shown.items()
+        ("lattice spacing [m]", f"{report['spacing']:.5g}"),
+        ("volume lost", f"{100 * report['lost_share']:.2f}%"),
+        (
+            "distance to the surface mean / max [diagonals]",
+            f"{distance['relative_mean']:.2e} / {distance['relative_maximum']:.2e}",
+        ),
     ]
 
 
