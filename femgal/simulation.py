@@ -17,7 +17,7 @@ from femgal.diagnostics import Energies, EnergyGuard, energies_of
 from femgal.discretisation import Discretisation, discretise
 from femgal.failure import SolverFailure
 from femgal.hierarchy.hierarchy import Hierarchy, build_constant_hierarchy
-from femgal.kernels.cpu.backend import CpuBackend
+from femgal.kernels.cpu.backend import CpuBackend, Passes
 from femgal.scene.build import World, build_world
 from femgal.scene.model import Scene
 from femgal.scene.plan import Plan, make_plan
@@ -26,6 +26,9 @@ from femgal.timestep.potential import eps18
 from femgal.timestep.state import MotionState, TimeStepper
 
 Floats = NDArray[np.float64]
+
+# A frame that its method rejects is taken again with more substeps, at most so often.
+MOST_RETAKES = 8
 
 # Called with what is being done now: "building mesh", "compiling", ...
 Announce = Callable[[str], None]
@@ -143,7 +146,6 @@ class Simulation:
     def compile(self) -> None:
         """Run one step and throw it away, so that no frame's time contains compilation."""
         self._measure(0, self.stepper.step(self.start(), 1e-3 * self.frame_duration))
-        self.backend.passes = type(self.backend.passes)()
 
     def frames(
         self,
@@ -183,27 +185,42 @@ class Simulation:
             yield frame
 
     def _advance(self, index: int, state: MotionState, on_substep: OnSubstep) -> tuple[Frame, Energies]:
-        began, passes = time.perf_counter(), self.backend.passes.as_dict()
+        began, self.backend.passes = time.perf_counter(), Passes()
         self.guard.allow_for_motion(state, self.frame_duration)
         state, substeps = self.stepper.begin_frame(state, self.frame_duration)
-        h = self.frame_duration / substeps
-        for substep in range(1, substeps + 1):
-            state = self.stepper.step(state, h)
-            if not np.isfinite(state.x.sum()):
-                raise self._failure("positions are not finite", index, substep, state)
-            if not on_substep(substep, substeps):
-                raise Stopped
+        for retakes in range(MOST_RETAKES + 1):
+            after, done = self._substeps(state, substeps, on_substep)
+            after, wanted = self.stepper.end_frame(after, self.frame_duration, substeps)
+            if wanted is None:
+                break
+            if retakes < MOST_RETAKES:
+                substeps = wanted
+        if wanted is not None or done < substeps or not np.isfinite(after.x.sum()):
+            raise self._failure("the motion has no finite continuation", index, done, after)
+        state = after
         # Adding h many times drifts; the frame's own time does not.
         state = replace(state, time=index * self.frame_duration)
         frame, energies = self._measure(index, state)
-        by_kind = {kind: count - passes[kind] for kind, count in self.backend.passes.as_dict().items()}
+        by_kind = self.backend.passes.as_dict()
         frame.row.update(
             seconds=time.perf_counter() - began,
             substeps=substeps,
+            retakes=retakes,
             passes=sum(by_kind.values()),
             passes_by_kind=by_kind,
         )
         return frame, energies
+
+    def _substeps(self, state: MotionState, substeps: int, on_substep: OnSubstep) -> tuple[MotionState, int]:
+        """The substeps of one frame, and how many were made before the positions ceased to be finite."""
+        h = self.frame_duration / substeps
+        for substep in range(1, substeps + 1):
+            state = self.stepper.step(state, h)
+            if not np.isfinite(state.x.sum()):
+                return state, substep
+            if not on_substep(substep, substeps):
+                raise Stopped
+        return state, substeps
 
     def _measure(self, index: int, state: MotionState) -> tuple[Frame, Energies]:
         energies, energy, J = energies_of(self.backend, state, self.gravity)
@@ -213,8 +230,9 @@ class Simulation:
             "time": state.time,
             "seconds": 0.0,
             "substeps": 0,
+            "retakes": 0,
             "passes": 0.0,
-            "passes_by_kind": {kind: 0.0 for kind in self.backend.passes.as_dict()},
+            "passes_by_kind": Passes().as_dict(),
             "eps18": None if residual is None else eps18(residual),
             **energies.as_row(),
         }

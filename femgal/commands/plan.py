@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import click
@@ -36,12 +37,16 @@ def _print_json(simulation: Any) -> None:
 
 
 def _print_tables(simulation: Any) -> None:
+    from rich import box
     from rich.console import Console
-    from rich.table import Table
+    from rich.table import Column, Table
 
-    scene, plan, console = simulation.scene, simulation.plan, Console()
-    title = f"{scene.name}: {simulation.disc.n_vertices} vertices, {simulation.disc.n_tets} tetrahedra"
-    table = Table("when", "stage", "", "unknowns", "tets", "passes", "note", title=title, title_justify="left")
+    # A table is read by people: in a pipe or a log it keeps a width that needs no wrapping.
+    console = Console() if sys.stdout.isatty() else Console(width=140)
+    scene, plan = simulation.scene, simulation.plan
+    console.print(f"{scene.name}: {simulation.disc.n_vertices} vertices, {simulation.disc.n_tets} tetrahedra")
+    numbers = [Column(name, justify="right", no_wrap=True) for name in ("unknowns", "tets", "passes")]
+    table = Table("when", Column("stage", no_wrap=True), "", *numbers, "note", box=box.SIMPLE_HEAD, pad_edge=False)
     for row in plan.rows():
         table.add_row(*row, style="dim" if row[2] == "skipped" else None)
     console.print(table)

@@ -74,6 +74,26 @@ def stress_increment(F: Tensor, dF: Tensor, mu: Any, lam: Any) -> Tensor:
 
 
 @scalar
+def energy_along(F: Tensor, G: Tensor, mu: Any, lam: Any) -> Vector:
+    """Coefficients of t, t^2, ..., t^6 in Psi(F + t G) - Psi(F).
+
+    J(F + t G) = J + t (C : G) + t^2 (cof G : F) + t^3 det G, so the energy along a line is a polynomial; leaving out
+    the constant spares the cancellation of two large energies.
+    """
+    C, D = cofactor(F), cofactor(G)
+    j0, j1, j2, j3 = determinant(F, C) - like(mu, 1), contract(C, G), contract(D, F), determinant(G, D)
+    c = lam * j0 - mu
+    return (
+        mu * contract(F, G) + c * j1,
+        like(mu, 0.5) * (mu * contract(G, G) + lam * j1 * j1) + c * j2,
+        lam * j1 * j2 + c * j3,
+        lam * (like(mu, 0.5) * j2 * j2 + j1 * j3),
+        lam * j2 * j3,
+        like(mu, 0.5) * lam * j3 * j3,
+    )
+
+
+@scalar
 def node_gradient(F: Tensor, C: Tensor, mu: Any, lam: Any, u: Vector) -> Vector:
     """Gradient of the energy of one element with respect to one node, mu F u + c z with z = C u (Lu et al. Eq. 16).
 

@@ -102,7 +102,8 @@ def _make_meshes(scene: Scene) -> list[Any]:
 
 
 def _build_part(body: Body, made: Any, key: str, source: str) -> _Part:
-    mesh: TetMesh = made.mesh.moved(placed(made.mesh.points, body))
+    shape = None if made.surface is None else made.surface.points
+    mesh: TetMesh = made.mesh.moved(placed(made.mesh.points, body, shape))
     return _Part(
         mesh=mesh,
         material=material(body, mesh, key, source),

@@ -62,7 +62,9 @@ class Body(Table):
 
     The mesh is turned so that `up` points to +z, scaled, and rotated about the centre of its bounding box, in this
     order. A body that is scaled (`height` or `size`) then stands on the plane z = 0 with its bounding box centred
-    over the origin; one that is not scaled keeps the coordinates of its file. `translate` is added last.
+    over the origin; one that is not scaled keeps the coordinates of its file. `translate` is added last. Where a
+    surface is filled with tetrahedra, height, size and bounding box are those of the surface, the same for every
+    number of vertices; coarse meshes may cut thin tips off.
 
     Attributes
     ----------
@@ -131,7 +133,8 @@ class SolverSettings(Table):
     tolerance : Stop iterating below this residual eps18 [m] (Lu et al. 2025, Eq. 18); off when left out.
     ratio : Vertices per coarse node from one layer to the next.
     layers : Number of coarse layers, or ``full`` for as many as the mesh gives.
-    steps : Step lengths: ``spectral`` (from power iteration), ``lu2025`` (0.25 coarse, 0.5 fine), or [coarse, fine].
+    steps : Step lengths: ``spectral`` (from power iteration at rest), ``exact`` (to the minimum along each correction,
+        for wild starts), ``lu2025`` (0.25 coarse, 0.5 fine), or [coarse, fine].
     safety : ``verlet`` steps by this fraction of its stable step.
     threads : CPU threads; all when left out.
     """

@@ -67,7 +67,7 @@ def _layers(value: Any) -> Any:
 
 
 def _steps(value: Any) -> Any:
-    if value in ("spectral", "lu2025"):
+    if value in ("spectral", "exact", "lu2025"):
         return value
     pair = isinstance(value, (list, tuple)) and len(value) == 2
     if pair and all(_is_number(w) and 0.0 < w < 2.0 for w in value):
@@ -112,5 +112,5 @@ Times = Annotated[
 ]
 Layers = Annotated[Any, BeforeValidator(_layers), Words('"full" or an integer >= 0')]
 StepLengths = Annotated[
-    Any, BeforeValidator(_steps), Words('"spectral", "lu2025" or [w_coarse, w_fine] with 0 < w < 2')
+    Any, BeforeValidator(_steps), Words('"spectral", "exact", "lu2025" or [w_coarse, w_fine] with 0 < w < 2')
 ]

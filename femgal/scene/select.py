@@ -42,9 +42,11 @@ def select(selector: Selector, points: Points, box: tuple[Points, Points]) -> Ma
         distance = np.linalg.norm(points - _metres(selector.sphere.center, selector, box), axis=1)
         return np.asarray(distance <= selector.sphere.radius * _unit(selector, box) + border)
     if selector.halfspace is not None:
-        normal = np.asarray(selector.halfspace.normal)
-        height = (points - _metres(selector.halfspace.point, selector, box)) @ (normal / np.linalg.norm(normal))
-        return height >= -border
+        height = _along(selector.halfspace.normal, points - _metres(selector.halfspace.point, selector, box))
+        return np.asarray(height >= -border)
+    if selector.tip is not None:
+        height = _along(selector.tip.direction, points)
+        return np.asarray(height >= height.max() - selector.tip.depth * _unit(selector, box) - border)
     return np.full(len(points), selector.all)
 
 
@@ -57,6 +59,8 @@ def describe(selector: Selector) -> str:
     elif selector.halfspace is not None:
         point, normal = selector.halfspace.point, selector.halfspace.normal
         text = f"halfspace beyond {describe_point(point)} towards {describe_point(normal)}"
+    elif selector.tip is not None:
+        text = f"tip of depth {selector.tip.depth:g} towards {describe_point(selector.tip.direction)}"
     else:
         return "all" if selector.all else "none"
     return text + (", relative to the body" if selector.relative else " [m]")
@@ -70,6 +74,11 @@ def describe_point(point: Points | tuple[float, float, float]) -> str:
 def describe_box(box: tuple[Points, Points]) -> str:
     """Return a bounding box in words: ``(0, 0, 0) to (1, 1, 1) [m]``."""
     return f"{describe_point(box[0])} to {describe_point(box[1])} [m]"
+
+
+def _along(direction: tuple[float, float, float], points: Points) -> Points:
+    vector = np.asarray(direction)
+    return points @ (vector / np.linalg.norm(vector))
 
 
 def _metres(point: tuple[float, float, float], selector: Selector, box: tuple[Points, Points]) -> Points:

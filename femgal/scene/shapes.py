@@ -56,29 +56,40 @@ class Halfspace(Table):
     normal: Direction
 
 
+class Tip(Table):
+    """The points within `depth` [m] of the farthest one in `direction`.
+
+    Unlike a region of space it is never empty, however much of an ear or a finger a coarse mesh leaves.
+    """
+
+    direction: Direction
+    depth: Length
+
+
 class Selector(Table):
-    """A set of vertices or tetrahedra, chosen by rest position; exactly one of the first five keys.
+    """A set of vertices or tetrahedra, chosen by rest position; exactly one of the first six keys.
 
     Attributes
     ----------
-    box, sphere, halfspace : A region of space.
+    box, sphere, halfspace, tip : A region of space.
     all, none : ``true`` chooses everything or nothing.
-    relative : Points count in the body's own bounding box, mapped to [0, 1]^3; the radius of a sphere counts in
-        units of its longest side; directions stay as they are.
+    relative : Points count in the bounding box of the body's own vertices, mapped to [0, 1]^3; the radius of a
+        sphere and the depth of a tip count in units of its longest side; directions stay as they are.
     """
 
     box: Box | None = None
     sphere: Sphere | None = None
     halfspace: Halfspace | None = None
+    tip: Tip | None = None
     all: Flag = False
     none: Flag = False
     relative: Flag = False
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Self:
-        given = (self.box, self.sphere, self.halfspace, self.all or None, self.none or None)
+        given = (self.box, self.sphere, self.halfspace, self.tip, self.all or None, self.none or None)
         if sum(choice is not None for choice in given) != 1:
-            allowed = "exactly one of box, sphere, halfspace, all = true, none = true"
+            allowed = "exactly one of box, sphere, halfspace, tip, all = true, none = true"
             raise PydanticCustomError("selector", "not one selection", {"allowed": allowed})
         return self
 

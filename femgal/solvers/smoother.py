@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal
@@ -19,8 +20,11 @@ from femgal.timestep.state import MotionState
 
 Floats = NDArray[np.float64]
 
-# "spectral", or the steps (coarse layers, finest layer) themselves.
-StepRule = Literal["spectral"] | tuple[float, float]
+# How far to go: by the spectrum at rest, to the minimum along each correction, or by (coarse layers, finest layer).
+StepRule = Literal["spectral", "exact"] | tuple[float, float]
+
+# A step length that stands for "to the minimum along the correction".
+EXACT = math.nan
 
 # The constants that Lu et al. 2025 use. A fixed w applies only the share w of the elastic force as h -> 0, so the
 # motion does not converge; they are here to reproduce the paper.
@@ -30,13 +34,34 @@ LU2025_STEPS = (0.25, 0.5)
 def smooth(potential: IncrementalPotential, layer: Layer, x: Floats, w: float, *, scalar: bool = False) -> float:
     """x += P dx with dx_i = -w H_i^-1 g_i (Lu et al. 2025, Eq. 6), in place; returns max |dx| [m].
 
-    With `scalar` only the diagonal of each block is used.
+    With `scalar` only the diagonal of each block is used. With w = EXACT the step goes to the first minimum of phi
+    along the correction, so phi never grows.
     """
     backend = potential.backend
     g, H = backend.gradient_and_blocks(layer, x, potential.xhat, potential.inverse_h2)
-    dx = backend.solve(g, H, w, scalar=scalar)
-    backend.prolong(layer, dx, x)
-    return max(float(dx.max()), -float(dx.min()))
+    if not math.isnan(w):
+        dx = backend.solve(g, H, w, scalar=scalar)
+        backend.prolong(layer, dx, x)
+        return max(float(dx.max()), -float(dx.min()))
+    dx = backend.solve(g, H, 1.0, scalar=scalar)
+    d = np.zeros_like(x)
+    backend.prolong(layer, dx, d)
+    t = first_minimum(potential.along(layer, x, d))
+    x += t * d
+    return t * max(float(dx.max()), -float(dx.min()))
+
+
+def first_minimum(coefficients: Floats) -> float:
+    """Smallest t > 0 where c_1 t + c_2 t^2 + ... has slope zero; zero when it does not fall at t = 0."""
+    if not np.isfinite(coefficients).all():
+        return math.nan
+    # The direction may be zero up to rounding, as at rest: then there is nothing to gain.
+    if not coefficients[0] < 0.0:
+        return 0.0
+    slope = coefficients * np.arange(1, len(coefficients) + 1)
+    roots = np.roots(slope[::-1])
+    real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0.0)]
+    return float(real.min()) if len(real) else 0.0
 
 
 def step_lengths(
@@ -47,6 +72,8 @@ def step_lengths(
     Spectral: w_l = 2 / (1 + lambda_max(D_l^-1 A_l)) at the rest state. lambda_max -> 1 and so w -> 1 as h -> 0, which
     makes one pass per step consistent with the equation of motion.
     """
+    if rule == "exact":
+        return np.full(len(layers), EXACT)
     if rule != "spectral":
         coarse, fine = rule
         return np.array([fine] + [coarse] * (len(layers) - 1))
@@ -63,7 +90,7 @@ class Relaxation(ABC):
     ----------
     backend : Element passes.
     layers : Layers, finest first.
-    steps : "spectral", or (coarse, finest) step lengths.
+    steps : "spectral", "exact", or (coarse, finest) step lengths.
     budget : When to stop.
     """
 
@@ -85,9 +112,18 @@ class Relaxation(ABC):
         return replace(state, memory=memory)
 
     def init(self, potential: IncrementalPotential, memory: dict[str, NDArray]) -> SolverState:
-        """Start from the prediction."""
+        """Start from the prediction, or with exact steps from the minimum on the way to it.
+
+        Starting no higher than phi(x_n) and never climbing bounds the energy of the next state by that of the last
+        one, for any step length: phi(x_{n+1}) <= phi(x_n) is the energy inequality of backward Euler.
+        """
         self._w = memory["step_lengths"]
-        return SolverState(potential.xhat.copy())
+        x = potential.xhat.copy()
+        if self.steps == "exact" and potential.x_n is not None:
+            d = x - potential.x_n
+            t = first_minimum(potential.along(self.backend.vertices, potential.x_n, d))
+            x = potential.x_n + t * d
+        return SolverState(x)
 
     @abstractmethod
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:

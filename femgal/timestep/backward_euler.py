@@ -49,6 +49,10 @@ class BackwardEuler:
         """The given number of substeps; the solver may prepare for their length."""
         return self.solver.prepare(state, duration / self.substeps), self.substeps
 
+    def end_frame(self, state: MotionState, duration: float, substeps: int) -> tuple[MotionState, int | None]:
+        """Nothing to check: an implicit step has no stability limit."""
+        return state, None
+
     def step(self, state: MotionState, h: float) -> MotionState:
         """Minimise the incremental potential of one step."""
         potential = self.potential(state, h)
@@ -64,8 +68,12 @@ class BackwardEuler:
         if self.damping > 0.0:
             inertia = 1.0 + self.damping * h
             xhat = (xhat + self.damping * h * state.x) / inertia
-        place(self.motions, state.time + h, xhat)
-        return IncrementalPotential(self.backend, xhat, h, inertia)
+        x_n = state.x
+        if self.motions:
+            place(self.motions, state.time + h, xhat)
+            x_n = state.x.copy()
+            place(self.motions, state.time + h, x_n)
+        return IncrementalPotential(self.backend, xhat, h, inertia, x_n)
 
     def residual(self, state: MotionState) -> Floats | None:
         """(x - xhat) + h^2 M^-1 grad E [m] of the last step, shape [n, 3]; None before the first."""

@@ -37,6 +37,6 @@ def build_stepper(
 
 
 def _steps(settings: SolverSettings) -> StepRule:
-    if settings.steps == "spectral":
-        return "spectral"
+    if settings.steps in ("spectral", "exact"):
+        return settings.steps
     return LU2025_STEPS if settings.steps == "lu2025" else settings.steps

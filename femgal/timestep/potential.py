@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from femgal.hierarchy.layer import Layer
 from femgal.kernels.cpu.backend import CpuBackend
 
 Floats = NDArray[np.float64]
@@ -26,12 +27,14 @@ class IncrementalPotential:
     xhat : Prediction of the free vertices, prescribed positions of the others [m], shape [n, 3].
     h : Time step [s].
     inertia : 1 + alpha h.
+    x_n : State before the step with the constrained vertices where they have to be after it [m]; None when unknown.
     """
 
     backend: CpuBackend
     xhat: Floats
     h: float
     inertia: float = 1.0
+    x_n: Floats | None = None
 
     @property
     def inverse_h2(self) -> float:
@@ -56,6 +59,20 @@ class IncrementalPotential:
         free = self.backend.disc.free
         Hd[free] += self.inverse_h2 * self.backend.disc.mass[free, None] * d[free]
         return Hd
+
+    def along(self, layer: Layer, x: Floats, d: Floats) -> Floats:
+        """Coefficients of t, t^2, ..., t^6 in phi(x + t d) - phi(x) [J], shape [6].
+
+        Parameters
+        ----------
+        layer : Layer whose nodes make d; only its active elements are visited.
+        x, d : Positions and direction [m], shape [n, 3].
+        """
+        coefficients = self.backend.energies_along(layer, x, d)
+        Md = self.inverse_h2 * self.backend.disc.mass[:, None] * d
+        coefficients[0] += float((Md * (x - self.xhat)).sum())
+        coefficients[1] += 0.5 * float((Md * d).sum())
+        return coefficients
 
     def residual(self, x: Floats) -> Floats:
         """h^2 M^-1 grad phi [m], shape [n, 3]: (x - xhat) + h^2 M^-1 grad E where there is no damping."""

@@ -48,7 +48,7 @@ class Motion(Protocol):
 
 
 class TimeStepper(Protocol):
-    """A time-stepping method: init / begin_frame / step."""
+    """A time-stepping method: init / begin_frame / step / end_frame."""
 
     def init(self, x0: Floats, v0: Floats) -> MotionState:
         """State at time zero."""
@@ -58,6 +58,9 @@ class TimeStepper(Protocol):
 
     def step(self, state: MotionState, h: float) -> MotionState:
         """State one step of h seconds later."""
+
+    def end_frame(self, state: MotionState, duration: float, substeps: int) -> tuple[MotionState, int | None]:
+        """Look back on a frame: None to accept it, or the number of substeps to take it again with."""
 
     def residual(self, state: MotionState) -> Floats | None:
         """Residual [m] of the last step's equation, shape [n, 3]; None where no equation is solved."""

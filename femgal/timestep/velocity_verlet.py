@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,30 +45,44 @@ class VelocityVerlet:
     substeps: int | None = None
 
     def init(self, x0: Floats, v0: Floats) -> MotionState:
-        """State at time zero, with the acceleration and the fastest mode in its memory."""
+        """State at time zero; its memory holds the acceleration, the fastest mode and its frequency."""
         x, v = x0.copy(), v0.copy()
         place(self.motions, 0.0, x)
         memory = {"acceleration": self._acceleration(x)}
         if self.substeps is None:
-            # The rest state: at a random start the Hessian says nothing about the motion to come.
-            start = random_start(self.backend.disc.n_vertices)
-            omega2, mode = largest_frequency_squared(self.backend, self.backend.disc.mesh.points, start)
-            memory |= {"mode": mode, "omega2": np.array([omega2])}
+            X = self.backend.disc.mesh.points
+            omega2, mode = largest_frequency_squared(self.backend, X, random_start(len(X)))
+            now = omega2
+            if not np.array_equal(x, X):
+                now, mode = largest_frequency_squared(self.backend, x, mode)
+            memory |= {"mode": mode, "omega2_rest": np.array([omega2]), "omega2": np.array([now])}
         return MotionState(0.0, x, v, memory)
 
     def begin_frame(self, state: MotionState, duration: float) -> tuple[MotionState, int]:
-        """Substeps of at most `safety` times the stable step, estimated anew at the present state."""
+        """Substeps of at most `safety` times the stable step.
+
+        The stiffer of the rest state and the present one counts: a body on its way back to rest must not be met by
+        the step of its soft state.
+        """
         if self.substeps is not None:
             return state, self.substeps
+        omega2 = max(float(state.memory["omega2_rest"][0]), float(state.memory["omega2"][0]))
+        return state, max(1, math.ceil(duration * math.sqrt(omega2) / (2.0 * self.safety)))
+
+    def end_frame(self, state: MotionState, duration: float, substeps: int) -> tuple[MotionState, int | None]:
+        """Estimate the stable step at the end of a frame; asks for more substeps if those taken were too long."""
+        if self.substeps is not None:
+            return state, None
+        if not np.isfinite(state.x).all():
+            return state, 2 * substeps
         omega2, mode = largest_frequency_squared(
             self.backend, state.x, state.memory["mode"], max_iterations=FOLLOW_ITERATIONS
         )
-        # Rest and present stiffness: a body on its way back to rest must not be met by the step of its soft state.
-        rest = float(state.memory["omega2"][0])
-        stable = 2.0 / math.sqrt(max(rest, omega2))
-        memory = state.memory | {"mode": mode}
-        substeps = max(1, math.ceil(duration / (self.safety * stable)))
-        return MotionState(state.time, state.x, state.v, memory, state.corrections), substeps
+        needed = duration * math.sqrt(omega2) / 2.0
+        if substeps < needed:
+            # What a motion that has run away says of its frequency is no measure of the motion that should have been.
+            return state, min(math.ceil(needed / self.safety), 4 * substeps)
+        return replace(state, memory=state.memory | {"mode": mode, "omega2": np.array([omega2])}), None
 
     def step(self, state: MotionState, h: float) -> MotionState:
         """One kick-drift-kick step."""

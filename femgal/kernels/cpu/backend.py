@@ -65,13 +65,15 @@ class CpuBackend:
 
     def gradient(self, x: Floats) -> Floats:
         """Gradient of the elastic energy at the free vertices [N], shape [n, 3], zero at constrained ones."""
-        self.workers.run(elements.stresses, self.disc.n_tets, x, *self._material, self._tensors)
+        active = self.vertices.active
+        self.workers.run(elements.stresses, len(active), x, *self._material, active, self._tensors)
         self.passes.gradient += 1
         return self._gather()
 
     def hessian_product(self, x: Floats, d: Floats) -> Floats:
         """Exact elastic Hessian at x times d at the free vertices [N], shape [n, 3], zero at constrained ones."""
-        self.workers.run(elements.stress_increments, self.disc.n_tets, x, d, *self._material, self._tensors)
+        active = self.vertices.active
+        self.workers.run(elements.stress_increments, len(active), x, d, *self._material, active, self._tensors)
         self.passes.hessian_product += 1
         return self._gather()
 
@@ -94,6 +96,22 @@ class CpuBackend:
         self.workers.run_ragged(nodes.gather_gradient_and_blocks, layer.ptr, *pairs, F, disc.Vmu, disc.Vlam, g, H)
         self.passes.gradient_and_blocks += len(layer.element) / max(1, len(self.vertices.element))
         return g, H
+
+    def energies_along(self, layer: Layer, x: Floats, d: Floats) -> Floats:
+        """Coefficients of t, t^2, ..., t^6 in E(x + t d) [J], shape [6], for a d that the layer's nodes make."""
+        n_chunks = -(-len(layer.active) // elements.CHUNK)
+        partial = np.empty((n_chunks, 6))
+        self.workers.run_ragged(
+            elements.energies_along,
+            np.arange(n_chunks + 1) * elements.CHUNK,
+            x,
+            d,
+            *self._material,
+            layer.active,
+            partial,
+        )
+        self.passes.energy += len(layer.active) / self.disc.n_tets
+        return partial.sum(axis=0)
 
     def solve(self, g: Floats, H: Floats, w: float, *, scalar: bool = False) -> Floats:
         """-w H^-1 g block by block [m]; with the diagonal of each block only when `scalar`."""

@@ -22,7 +22,10 @@ Longs = NDArray[np.int64]
 
 @kernel
 def gather_stress(start: int, stop: int, ptr: Longs, element: Ints, u: Floats, P: Floats, g: Floats) -> None:
-    """g[i] = sum over the elements of node i of P u, with P from the element phase; [N] for stresses times volume."""
+    """g[i] = sum over the elements of node i of P u; [N] when P[k] is V times the stress of active[k].
+
+    As in the other kernels here, element[j] counts in the list of active elements.
+    """
     for i in range(start, stop):
         g0 = g1 = g2 = 0.0
         for j in range(ptr[i], ptr[i + 1]):

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A scene pays only for what it uses.
+
+1. Stages that a scene has no use for are listed as skipped, with the reason; those it needs run.
+2. A skipped stage compiles nothing: its kernels have no compiled signature after a whole run.
+3. A skipped stage is never called: a run goes through with its functions replaced by ones that raise, and the same
+   replacement stops the run of a scene that needs the stage (so the test can fail).
+4. Interior elements of coarse layers are counted as skipped, and the passes per substep follow from the pairs.
+5. A coarse layer that the mesh is too small for is not built even when asked for.
+6. Fields that a scene cannot have are refused with what is allowed.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from femgal.scene.load import parse_scene
+from femgal.simulation import Simulation
+from meshes.errors import InputError
+
+BEAM = """
+name = "small"
+frames = 1
+gravity = [0.0, 0.0, 0.0]
+{top}
+[[bodies]]
+mesh = "cube"
+vertices = 343
+E = 1e5
+nu = 0.3
+rho = 1000.0
+velocity = [0.0, 0.0, 1.0]
+{constraint}
+[solver]
+name = "{solver}"
+substeps = 4
+ratio = 8
+[output]
+fields = [{fields}]
+"""
+HELD = "[[constraints]]\nwhere = {halfspace = {point = [0, 0, 0.01], normal = [0, 0, -1]}}\n"
+PULLED = HELD + "path = {times = [0.0, 1.0], offsets = [[0, 0, 0], [0, 0, 0.1]]}\n"
+
+
+def scene(top="", constraint="", solver="fas", fields='"displacement"'):
+    return parse_scene(BEAM.format(top=top, constraint=constraint, solver=solver, fields=fields), "small.toml")
+
+
+def skipped(plan):
+    return {stage.name for stage in plan.stages if not stage.runs}
+
+
+def test_free_body_skips_what_it_does_not_need():
+    plan = Simulation.prepare(scene()).plan
+    assert {"damping", "fixed vertices", "moving vertices", "field von_mises", "stopping test"} <= skipped(plan)
+    assert all(stage.note for stage in plan.stages)
+
+
+def test_each_need_brings_its_stage():
+    everything = scene("damping = 0.5", PULLED, fields='"displacement", "von_mises", "region"')
+    plan = Simulation.prepare(everything).plan
+    for name in ("damping", "moving vertices", "field von_mises", "field region", "residual"):
+        assert plan.runs(name), name
+    assert "fixed vertices" in skipped(plan)
+    assert Simulation.prepare(scene("", HELD)).plan.runs("fixed vertices")
+
+
+@pytest.mark.parametrize("solver", ["jacobi", "verlet"])
+def test_only_multigrid_builds_a_hierarchy(solver):
+    simulation = Simulation.prepare(scene(solver=solver))
+    assert simulation.hierarchy is None
+    assert "hierarchy" in skipped(simulation.plan)
+    assert simulation.plan.runs("residual") == (solver != "verlet")
+
+
+CHILD = """
+import sys
+from femgal.runner import run
+from femgal.scene.load import parse_scene
+assert run(parse_scene(sys.stdin.read(), "small.toml")).status == "finished"
+from femgal.kernels.cpu import elements, nodes
+from femgal.hierarchy import clusters
+for kernel in (elements.von_mises_stresses, elements.stress_increments, nodes.solve_diagonals, nodes.solve_blocks,
+               clusters._spread, elements.stresses):
+    print(kernel.__name__, len(kernel.signatures))
+"""
+
+
+def compiled(text) -> dict[str, int]:
+    result = subprocess.run([sys.executable, "-c", CHILD], input=text, capture_output=True, text=True, check=True)
+    return {name: int(count) for name, count in (line.split() for line in result.stdout.splitlines())}
+
+
+def test_skipped_stages_compile_nothing():
+    text = BEAM.format(top="", constraint="", solver="verlet", fields='"displacement"')
+    counts = compiled(text)
+    assert counts["stresses"] == 1
+    assert {name for name, n in counts.items() if n == 0} == {
+        "von_mises_stresses",
+        "stress_increments",
+        "solve_diagonals",
+        "solve_blocks",
+        "_spread",
+    }
+
+
+def test_needed_stages_are_compiled():
+    text = BEAM.format(top="", constraint="", solver="fas", fields='"displacement", "von_mises"')
+    counts = compiled(text)
+    assert {name for name, n in counts.items() if n == 0} == {"solve_diagonals"}
+
+
+@pytest.mark.parametrize(
+    ("target", "needs"),
+    [
+        ("femgal.kernels.cpu.backend.CpuBackend.von_mises", {"fields": '"displacement", "von_mises"'}),
+        ("femgal.scene.motion.Motion.positions", {"constraint": HELD}),
+        ("femgal.simulation.build_constant_hierarchy", {"solver": "fas"}),
+        ("femgal.timestep.potential.IncrementalPotential.gradient", {"solver": "fas"}),
+    ],
+)
+def test_skipped_stages_are_never_called(monkeypatch, target, needs):
+    def forbidden(*args, **kwargs):
+        raise AssertionError("a skipped stage was called")
+
+    monkeypatch.setattr(target, forbidden)
+
+    def run(**options):
+        return list(Simulation.prepare(scene(**options)).frames())
+
+    assert len(run(solver="verlet")) == 2
+    with pytest.raises(AssertionError, match="skipped stage"):
+        run(**needs)
+
+
+def test_interior_elements_and_passes_add_up():
+    simulation = Simulation.prepare(scene())
+    plan, layers = simulation.plan, simulation.hierarchy.layers
+    assert len(layers) >= 2
+    for number, layer in enumerate(layers[1:], start=1):
+        row = next(stage for stage in plan.stages if stage.name == f"interior of layer {number}")
+        assert row.elements == simulation.disc.n_tets - len(layer.active)
+    pairs = sum(len(layer.element) for layer in layers) / len(layers[0].element)
+    assert plan.passes_per_substep == pytest.approx(pairs, rel=1e-12)
+    frame = list(simulation.frames())[1]
+    assert frame.row["passes_by_kind"]["gradient_and_blocks"] == pytest.approx(4 * pairs, rel=1e-12)
+
+
+def test_layers_beyond_the_mesh_are_left_out():
+    simulation = Simulation.prepare(parse_scene(BEAM.format(top="", constraint="", solver="fas", fields="") + "", "s"))
+    asked = parse_scene(
+        BEAM.format(top="", constraint="", solver="fas", fields="").replace("ratio = 8", "ratio = 8\nlayers = 9"), "s"
+    )
+    assert len(Simulation.prepare(asked).hierarchy.layers) == len(simulation.hierarchy.layers) == 3
+    assert "layer 3" in skipped(simulation.plan)
+
+
+@pytest.mark.parametrize(("solver", "field"), [("verlet", "residual"), ("fas", "cluster_9"), ("jacobi", "cluster_1")])
+def test_impossible_fields_are_refused(solver, field):
+    with pytest.raises(InputError, match=r"output\.fields") as caught:
+        Simulation.prepare(scene(solver=solver, fields=f'"{field}"'))
+    assert field in str(caught.value)
+    assert "allowed" in str(caught.value)

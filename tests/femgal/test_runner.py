@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Whole runs through the Python interface.
+
+1. A run writes every frame; series, run log and state agree, and vtk's own reader finds the frames.
+2. Without a folder, nothing is written and the displacements are in the result.
+3. A run stopped at any frame and resumed ends bit for bit like one that was not stopped: every solver, both formats,
+   with prescribed motion, and when the last frames after the checkpoint had been written already.
+4. The number of threads does not change a bit.
+5. A motion that runs away ends as a failed run: good frames kept, no NaN in any file, and the failure names frame,
+   layer and last energies; it can be resumed after.
+6. A run that loses its disk ends as a failed run with the frames before.
+7. Asked to stop, a run saves a checkpoint of the last frame and says so in the log.
+8. A checkpoint of another scene is refused, and the folder stays as it was.
+9. Every built-in scene runs, and stays within what physics allows it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+
+import numpy as np
+import pytest
+
+from femgal import read_run
+from femgal.output import vtkhdf
+from femgal.runner import Progress, run
+from femgal.scene.load import load_scene
+from meshes.errors import InputError
+from tests.femgal.scenes import hanging_beam
+
+PULL = "path = {times = [0.0, 0.05, 0.2], offsets = [[0, 0, 0], [0.1, 0, 0], [0.1, 0, 0]]}"
+
+
+def log_of(folder):
+    return json.loads((folder / "run.json").read_text())
+
+
+def test_a_run_writes_what_it_computed(tmp_path):
+    result = run(hanging_beam(), tmp_path / "out")
+    assert result.status == "finished"
+    log, written = log_of(tmp_path / "out"), read_run(tmp_path / "out")
+    assert [row["frame"] for row in log["frames"]] == list(range(7))
+    assert log["status"] == "finished"
+    np.testing.assert_allclose(written.times, np.arange(7) / 60.0, rtol=1e-12)
+    X, x = result.simulation.world.mesh.points, result.state.x
+    np.testing.assert_allclose(written.displacement(6), x - X, atol=1e-7)
+    for row in log["frames"][1:]:
+        assert row["passes"] == pytest.approx(sum(row["passes_by_kind"].values()))
+        total = row["kinetic_energy"] + row["elastic_energy"] + row["potential_energy"]
+        assert row["total_energy"] == pytest.approx(total)
+        assert 0.0 < row["eps18"] < 1e-3
+        assert row["min_J"] > 0.0
+    assert log["mesh"]["bodies"][0]["name"] == "beam"
+    assert log["mesh"]["sha256"] == result.simulation.world.mesh.content_hash
+
+
+def test_vtk_reads_every_step(tmp_path):
+    vtk = pytest.importorskip("vtkmodules.vtkIOHDF")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    run(hanging_beam(frames=3), tmp_path / "out")
+    written, reader = read_run(tmp_path / "out"), vtk.vtkHDFReader()
+    reader.SetFileName(str(tmp_path / "out" / "frames.vtkhdf"))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == 4
+    for step in range(4):
+        reader.SetStep(step)
+        reader.Update()
+        grid = reader.GetOutputDataObject(0)
+        moved = vtk_to_numpy(grid.GetPointData().GetArray("displacement"))
+        np.testing.assert_allclose(moved, written.displacement(step), atol=0)
+        assert grid.GetNumberOfCells() == len(written.cells)
+
+
+def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run(hanging_beam(frames=2))
+    assert len(result.displacements) == 3
+    assert list(tmp_path.iterdir()) == []
+    np.testing.assert_array_equal(result.displacements[0], 0.0)
+    assert np.abs(result.displacements[2]).max() > 1e-3
+
+
+class StopAfter(Progress):
+    """Sends this process the signal of Ctrl-C in the middle of the frame after a given one."""
+
+    def __init__(self, frame):
+        self.last = -1
+        self.target = frame
+
+    def frame(self, row):
+        self.last = row["frame"]
+
+    def substep(self, substep, substeps):
+        if self.last == self.target and substep == max(1, substeps // 2):
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+VARIANTS = [
+    {"solver": "fas"},
+    {"solver": "fas", "solver_lines": "substeps = 5\niterations = 2\nsteps = [0.5, 0.7]", "format": "vtu"},
+    {"solver": "jacobi", "path": PULL},
+    {"solver": "scalar-jacobi"},
+    {"solver": "verlet", "solver_lines": ""},
+    {"solver": "verlet", "solver_lines": "", "path": PULL},
+]
+
+
+@pytest.mark.parametrize("options", VARIANTS)
+def test_interrupted_and_resumed_is_bitwise_the_same(tmp_path, options):
+    scene = hanging_beam(**options)
+    whole = run(scene, tmp_path / "whole")
+    stopped = run(scene, tmp_path / "parts", progress=StopAfter(3))
+    assert stopped.status == "interrupted"
+    assert log_of(tmp_path / "parts")["status"] == "interrupted"
+    assert stopped.rows[-1]["frame"] == 3
+    resumed = run(scene, tmp_path / "parts", resume=True)
+    assert [row["frame"] for row in resumed.rows] == [4, 5, 6]
+    np.testing.assert_array_equal(resumed.state.x, whole.state.x)
+    np.testing.assert_array_equal(resumed.state.v, whole.state.v)
+    a, b = read_run(tmp_path / "whole"), read_run(tmp_path / "parts")
+    np.testing.assert_array_equal(a.times, b.times)
+    for frame in range(7):
+        for name in ("displacement", "velocity"):
+            np.testing.assert_array_equal(a.point_data(name, frame), b.point_data(name, frame))
+        np.testing.assert_array_equal(a.cell_data("von_mises", frame), b.cell_data("von_mises", frame))
+    keys = ("frame", "time", "passes", "eps18", "total_energy", "min_J", "substeps")
+    rows = [[{k: row[k] for k in keys} for row in log_of(tmp_path / f)["frames"]] for f in ("whole", "parts")]
+    assert rows[0] == rows[1]
+
+
+def test_frames_after_the_checkpoint_are_computed_again(tmp_path):
+    scene = hanging_beam(checkpoint_every=4, frames=7)
+    whole = run(scene, tmp_path / "whole")
+    # As after a kill between two checkpoints: the files hold frames 0 to 7, the checkpoint is that of frame 4.
+    run(scene.model_copy(update={"frames": 4}), tmp_path / "parts")
+    checkpoint = (tmp_path / "parts" / "checkpoint.h5").read_bytes()
+    run(scene, tmp_path / "parts", resume=True)
+    (tmp_path / "parts" / "checkpoint.h5").write_bytes(checkpoint)
+    resumed = run(scene, tmp_path / "parts", resume=True)
+    assert [row["frame"] for row in resumed.rows] == [5, 6, 7]
+    np.testing.assert_array_equal(resumed.state.x, whole.state.x)
+    assert len(read_run(tmp_path / "parts").times) == 8
+    assert [row["frame"] for row in log_of(tmp_path / "parts")["frames"]] == list(range(8))
+
+
+@pytest.mark.parametrize("solver", ["fas", "verlet"])
+def test_threads_do_not_change_a_bit(solver):
+    text = "threads = {}" if solver == "verlet" else "substeps = 10\nthreads = {}"
+    scenes = [hanging_beam(frames=3, solver=solver, solver_lines=text.format(n)) for n in (1, 2, 3)]
+    # 400 vertices would all fit into one share; the smallest share is lowered so that threads really share.
+    from femgal.kernels.cpu import threads
+
+    before, threads.SMALLEST_SHARE = threads.SMALLEST_SHARE, 16
+    try:
+        results = [run(scene) for scene in scenes]
+    finally:
+        threads.SMALLEST_SHARE = before
+    for other in results[1:]:
+        np.testing.assert_array_equal(results[0].state.x, other.state.x)
+
+
+def test_runaway_is_a_result_with_numbers(tmp_path):
+    # Step lengths near 2 amplify every stiff mode.
+    scene = hanging_beam(solver="jacobi", solver_lines="substeps = 2\nsteps = [1.9, 1.9]\niterations = 8", frames=30)
+    result = run(scene, tmp_path / "out")
+    assert result.status == "failed"
+    log = log_of(tmp_path / "out")
+    assert log["status"] == "failed"
+    assert "NaN" not in (tmp_path / "out" / "run.json").read_text()
+    failure = log["failure"]
+    assert failure["frame"] == len(log["frames"])
+    assert failure["last_energies"]["total_energy"] == log["frames"][-1]["total_energy"]
+    assert "--substeps 4" in failure["advice"]
+    written = read_run(tmp_path / "out")
+    assert len(written.times) == len(log["frames"])
+    assert np.isfinite(written.displacement(-1)).all()
+
+
+def test_runaway_names_the_layer(tmp_path):
+    scene = hanging_beam(solver_lines="substeps = 2\nsteps = [1.95, 0.1]\niterations = 20", frames=30)
+    result = run(scene, tmp_path / "out")
+    assert result.status == "failed"
+    assert result.failure.layer.startswith("layer ")
+    assert "clusters of" in result.failure.layer or "vertices" in result.failure.layer
+
+
+def test_verlet_above_its_stable_step_fails_cleanly(tmp_path):
+    result = run(hanging_beam(solver="verlet", solver_lines="substeps = 1", frames=50), tmp_path / "out")
+    assert result.status == "failed"
+    assert "substeps out" in str(result.failure)
+
+
+def test_lost_disk_keeps_the_frames_before(tmp_path, monkeypatch):
+    append = vtkhdf.VtkHdfWriter.append
+
+    def full_at_frame_3(self, *args):
+        if self.frames_written == 3:
+            raise OSError(28, "No space left on device")
+        append(self, *args)
+
+    monkeypatch.setattr(vtkhdf.VtkHdfWriter, "append", full_at_frame_3)
+    result = run(hanging_beam(), tmp_path / "out")
+    assert result.status == "failed"
+    assert "No space left" in str(result.failure)
+    assert len(read_run(tmp_path / "out").times) == 3
+    assert len(log_of(tmp_path / "out")["frames"]) == 3
+    monkeypatch.undo()
+    resumed = run(hanging_beam(), tmp_path / "out", resume=True)
+    assert resumed.status == "finished"
+    assert len(log_of(tmp_path / "out")["frames"]) == 7
+
+
+def test_a_checkpoint_of_another_scene_is_refused(tmp_path):
+    run(hanging_beam(frames=2), tmp_path / "out")
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}
+    with pytest.raises(InputError, match="fingerprint"):
+        run(hanging_beam(frames=2, solver="jacobi"), tmp_path / "out", resume=True)
+    assert before == {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}
+
+
+def test_a_finished_run_can_be_made_longer(tmp_path):
+    run(hanging_beam(frames=3), tmp_path / "out")
+    longer = run(hanging_beam(frames=6), tmp_path / "out", resume=True)
+    assert [row["frame"] for row in longer.rows] == [4, 5, 6]
+    np.testing.assert_array_equal(longer.state.x, run(hanging_beam(frames=6)).state.x)
+
+
+@pytest.mark.parametrize(
+    ("name", "vertices"),
+    [
+        ("rabbit-drape", 1500),
+        ("beam-stretch", 250),
+        ("cube-random", 500),
+        ("bunny-drape", 1500),
+        ("bunny-stretch", 500),
+    ],
+)
+def test_built_in_scenes(name, vertices, real_surface):
+    if name.startswith("bunny"):
+        real_surface("bunny")
+    result = run(load_scene(name, vertices=vertices, frames=3))
+    assert result.status == "finished"
+    first, last = result.rows[0], result.rows[-1]
+    if name.endswith("drape"):
+        # Nothing feeds the body but gravity, and backward Euler loses energy.
+        assert last["total_energy"] < first["total_energy"]
+        assert last["min_J"] > 0.2
+        drop = np.abs(result.displacements[-1][:, 2]).max()
+        assert drop == pytest.approx(0.05, rel=0.4)  # 3 frames of 1 m/s and more
+    if name == "cube-random":
+        assert last["elastic_energy"] < 0.2 * first["elastic_energy"]
+    if "stretch" in name:
+        assert last["elastic_energy"] > 0.0
+        assert np.isfinite(result.displacements[-1]).all()
