@@ -30,7 +30,7 @@ def rng(salt: int = 0) -> np.random.Generator:
     return np.random.default_rng(SEED + 2 * salt)
 
 
-def distorted_box(cells: tuple[int, int, int] = (7, 4, 4), jitter: float = 0.12) -> TetMesh:
+def distorted_box(cells: tuple[int, int, int] = (9, 4, 4), jitter: float = 0.12) -> TetMesh:
     """Box with cells near 0.1 m and displaced inner vertices, in Morton order."""
     size = (0.1 * cells[0], 0.11 * cells[1], 0.09 * cells[2])
     return reorder(box(size, cells, jitter=jitter, seed=SEED))[0]
@@ -65,6 +65,12 @@ def positions(mesh: TetMesh, state: str) -> Floats:
     if state == "inverted":
         return X * [-1.0, 0.9, 1.2] + 0.01 * noise
     raise ValueError(state)
+
+
+def force_scale(disc: Discretisation, x: Floats) -> float:
+    """Largest single term mu F grad N [N] of any element: what rounding of a sum of forces is relative to."""
+    D = x[disc.mesh.cells[:, 1:]] - x[disc.mesh.cells[:, :1]]
+    return float((disc.Vmu * np.linalg.norm(D, axis=(1, 2)) * (disc.B**2).sum(axis=1)).max())
 
 
 def linear_layer(disc: Discretisation, n_nodes: int = 12) -> Layer:

@@ -19,12 +19,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import build_constant_hierarchy
 from femgal.kernels.cpu.backend import CpuBackend
 from meshes.generators import box
 from meshes.types import TetMesh
-from tests.femgal.problems import STATES, distorted_box, left_end, positions, rng, uniform, varied
+from tests.femgal.problems import STATES, distorted_box, force_scale, left_end, positions, rng, uniform, varied
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.transfer import unpacked
 
@@ -33,19 +32,7 @@ REFERENCE = AssembledElasticity(MESH, varied(MESH).mu, varied(MESH).lam)
 # None, one face, and two layers of cells: all four vertices of every third element are constrained then.
 CONSTRAINED = {"free": (), "face": left_end(MESH), "solid": left_end(MESH, 0.25)}
 
-# Until fixed: CpuBackend._gather takes the finest layer's `element`, positions in `active`, for element numbers, so
-# forces come from other elements as soon as one element has no free vertex.
-WRONG_ELEMENTS = pytest.mark.xfail(reason="stress rows are numbered by element, pairs by position in `active`")
-CASES = [
-    *((constrained, state) for constrained in ("free", "face") for state in STATES),
-    *(pytest.param("solid", state, marks=WRONG_ELEMENTS) for state in STATES if state != "rest"),
-]
-
-
-def force_scale(disc: Discretisation, x: np.ndarray) -> float:
-    """Largest single term mu F grad N [N] of any element: what rounding of a sum of forces is relative to."""
-    D = x[disc.mesh.cells[:, 1:]] - x[disc.mesh.cells[:, :1]]
-    return float((disc.Vmu * np.linalg.norm(D, axis=(1, 2)) * (disc.B**2).sum(axis=1)).max())
+CASES = [(constrained, state) for constrained in CONSTRAINED for state in STATES]
 
 
 @pytest.mark.parametrize(("constrained", "state"), CASES)
@@ -137,18 +124,8 @@ def test_same_bits_for_any_thread_count():
         g, H = backend.gradient_and_blocks(layer, x, mesh.points, 1e4)
         moved = x.copy()
         backend.prolong(layer, backend.solve(g, H, 0.7), moved)
-        results.append(
-            [
-                backend.gradient(x),
-                backend.hessian_product(x, d),
-                *backend.energies(x),
-                backend.von_mises(x),
-                g,
-                H,
-                moved,
-                backend.restrict(layer, d),
-            ]
-        )
+        elastic = [backend.gradient(x), backend.hessian_product(x, d), *backend.energies(x), backend.von_mises(x)]
+        results.append([*elastic, g, H, moved, backend.restrict(layer, d)])
     for other in results[1:]:
         for one, two in zip(results[0], other, strict=True):
             assert one.tobytes() == two.tobytes()
