@@ -123,6 +123,7 @@ def constraint(text: str) -> str:
         (constraint("where = { box = { min = [0, 0, 0] } }"), ["constraints[0].where.box.max: required"]),
         (constraint("where = { sphere = { center = [0, 0, 0], radius = 0 } }"), ["0 < radius [m]"]),
         (constraint("where = { halfspace = { point = [0, 0, 0], normal = [0, 0, 0] } }"), ["length zero"]),
+        (constraint("where = { tip = { direction = 'z', depth = 0 } }"), ["where.tip.depth", "0 < depth [m]"]),
         (constraint("where = { all = true }\nbody = 1"), ["constraints[0].body: no such body", "0 <= body <= 0"]),
         (constraint("where = { all = true }\nbody = -1"), ["constraints[0].body", "0 <= body"]),
     ],

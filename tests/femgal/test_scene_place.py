@@ -5,7 +5,8 @@
 2. A scaled body has the height or longest side asked for, keeps its proportions, stands on z = 0, and is centred
    over the origin before it is translated.
 3. `up` turns the named axis upwards; no placement mirrors the body.
-4. Rotations are applied in their order, about the centre of the bounding box.
+4. Where a surface was filled, extents and centres are the surface's, however much smaller the mesh is.
+5. Rotations are applied in their order, about the centre of the bounding box.
 """
 
 from __future__ import annotations
@@ -76,6 +77,16 @@ def test_rotated_and_scaled_bodies_stand_on_the_ground():
     assert x[:, 2].min() == pytest.approx(0.0, abs=1e-15)
     np.testing.assert_allclose(x.min(axis=0)[:2], -x.max(axis=0)[:2], atol=1e-14)
     assert orientation(x) == pytest.approx(orientation(CORNERS), rel=1e-13)
+
+
+@pytest.mark.parametrize("keys", [{"height": 2.0}, {"size": 3.0}, {"height": 1.0, "up": "y"}, {}])
+def test_extents_are_those_of_the_surface(keys):
+    keys = {"rotate": [{"axis": [1, 2, 3], "degrees": 40}], "translate": [1, 2, 3], **keys}
+    body = Body.model_validate({"mesh": "cube", "E": 1.0, "nu": 0.4, "rho": 1.0, **keys})
+    inner = CORNERS.mean(axis=0) + 0.5 * (CORNERS - CORNERS.mean(axis=0))
+    outside = place(**keys)
+    expected = outside.mean(axis=0) + 0.5 * (outside - outside.mean(axis=0))
+    np.testing.assert_allclose(placed(inner, body, CORNERS), expected, atol=1e-14)
 
 
 def test_far_from_the_origin():

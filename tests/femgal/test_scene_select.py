@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Which points a selector holds.
 
-1. Box, sphere and halfspace hold the points that their definition says, borders included.
+1. Box, sphere, halfspace and tip hold the points that their definition says, borders included; a tip always
+   holds the farthest point.
 2. A point that rounding moved off a border still belongs to the region; one a thousandth off does not.
 3. Relative selectors move and grow with the body: the same points are chosen after scaling and translating it.
 4. `all` holds everything, `none` nothing.
@@ -43,6 +44,19 @@ def test_halfspace_does_not_depend_on_the_length_of_the_normal():
     np.testing.assert_array_equal(short, long)
 
 
+def test_tip():
+    np.testing.assert_array_equal(
+        chosen(tip={"direction": [0, 3, 4], "depth": 0.6}), GRID @ [0, 0.6, 0.8] >= 5.0 - 1e-12
+    )
+
+
+def test_a_tip_is_never_empty():
+    points = np.random.default_rng(31415927).standard_normal((50, 3))
+    for direction in np.random.default_rng(27182819).standard_normal((20, 3)):
+        found = chosen(points, tip={"direction": direction.tolist(), "depth": 1e-9})
+        np.testing.assert_array_equal(np.flatnonzero(found), [np.argmax(points @ direction)])
+
+
 @pytest.mark.parametrize(
     "keys",
     [
@@ -65,6 +79,7 @@ def test_borders_survive_rounding(keys):
         ({"box": {"min": [0, 0, 0], "max": [0.25, 1, 1]}}, 50),
         ({"sphere": {"center": [0.5, 0.5, 0.5], "radius": 0.25}}, 7),
         ({"halfspace": {"point": [0, 0, 0.75], "normal": "z"}}, 50),
+        ({"tip": {"direction": "z", "depth": 0.25}}, 50),
     ],
 )
 def test_relative(keys, count):
@@ -91,4 +106,6 @@ def test_descriptions():
     assert describe(selector) == "box from (0, 0, 0) to (1, 1, 1) [m]"
     selector = Selector.model_validate({"sphere": {"center": [1, 2, 3], "radius": 0.5}})
     assert describe(selector) == "sphere of radius 0.5 about (1, 2, 3) [m]"
+    selector = Selector.model_validate({"tip": {"direction": "x", "depth": 0.05}})
+    assert describe(selector) == "tip of depth 0.05 towards (1, 0, 0) [m]"
     assert describe_box(bounding_box(GRID)) == "(0, 0, 0) to (4, 4, 4) [m]"
