@@ -10,7 +10,14 @@ import click
 
 @click.command("view")
 @click.argument("run", type=click.Path(path_type=Path))
-@click.option("--png", type=click.Path(path_type=Path), help="Picture to write  [default: RUN/picture.png].")
+@click.option(
+    "--png",
+    type=click.Path(path_type=Path),
+    is_flag=False,
+    flag_value="",
+    help="Picture to write  [default, and with no FILE: RUN/picture.png].",
+    metavar="FILE",
+)
 @click.option("--frame", default="last", show_default=True, metavar="N", help="A number, first or last.")
 @click.option("--frames", metavar="A,B,C", help="Several frames side by side, instead of --frame.")
 @click.option("--field", metavar="NAME", help="Array to colour by  [default: von_mises, else displacement].")
@@ -25,5 +32,6 @@ def command(run: Path, png: Path | None, frame: str, frames: str | None, field: 
 
     result = read_run(run)
     chosen = [part.strip() for part in frames.split(",")] if frames else [frame]
-    picture = save_picture(result, png or result.path.parent / "picture.png", frames=chosen, field=field)
+    target = png if png and png.name else result.path.parent / "picture.png"
+    picture = save_picture(result, target, frames=chosen, field=field)
     click.echo(picture)

@@ -53,7 +53,7 @@ def save_checkpoint(folder: Path, arrays: Mapping[str, NDArray[Any]], meta: Mapp
         _write(file, "meta", np.frombuffer(text, np.uint8))
         file.create_group("arrays")
         for name, array in arrays.items():
-            _write(file, f"arrays/{name}", np.asarray(array))
+            _write(file["arrays"], name, np.asarray(array))
 
 
 def load_checkpoint(folder: Path, *, fingerprint: str | None = None) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
@@ -86,7 +86,7 @@ def load_checkpoint(folder: Path, *, fingerprint: str | None = None) -> tuple[di
     return arrays, meta
 
 
-def _write(file: h5py.File, name: str, array: NDArray[Any]) -> None:
+def _write(file: h5py.Group, name: str, array: NDArray[Any]) -> None:
     if array.dtype.kind not in "biufc":
         raise ValueError(f"checkpoint array {name!r} holds {array.dtype}, needed numbers or booleans")
     data = file.create_dataset(name, data=array)
@@ -95,7 +95,7 @@ def _write(file: h5py.File, name: str, array: NDArray[Any]) -> None:
 
 def _read(path: Path, file: h5py.File, name: str) -> NDArray[Any]:
     data = local_object(file, name)
-    # Stored without compression, so a declared size that is not there is a damaged or hostile file.
+    # Stored without compression, so a declared size that is not there is a damaged file.
     _check(path, f"stored bytes of {name}", data.id.get_storage_size(), data.nbytes)
     array = np.asarray(data[()], data.dtype)
     _check(path, f"checksum of {name}", int(data.attrs.get("crc32", -1)), _crc(array))

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Opening HDF5 files that may come from anywhere.
+"""Reading HDF5 files of ours, which may come from anywhere, may be torn, and may be growing while they are read.
 
-HDF5 follows external links and external storage to any file of the machine, and a file of a kilobyte may declare a
-dataset of terabytes. Here a dataset must lie in the file itself and be no larger than what is stored of it allows.
+`meshes.io.hdf5_guard` inspects all of a file before it is read. Here that would be wrong: behind the last counted
+frame of a run that was killed, or is being written, there may be entries that point nowhere. So only what is asked
+for is looked at.
 """
 
 from __future__ import annotations
@@ -34,12 +35,12 @@ def open_for_reading(path: Path, what: str, advice: str = "") -> Iterator[h5py.F
     what : str
         What the file should be ("checkpoint"), for the message.
     advice : str
-        What to do when it cannot be opened.
+        What to do when it cannot be used.
 
     Raises
     ------
     InputError
-        Missing, a folder, not HDF5, or damaged where the body of the `with` statement reads it.
+        Missing, a folder, not HDF5, or damaged where the body of `with` reads it.
     """
     import h5py
 
@@ -63,7 +64,7 @@ def local_object(parent: h5py.Group, name: str) -> Any:
     Raises
     ------
     InputError
-        Missing, behind a soft or external link, external or virtual storage, or larger than what is stored.
+        Missing, behind a soft or external link, in external or virtual storage, or larger than the file can hold.
     """
     import h5py
 
@@ -81,7 +82,7 @@ def local_object(parent: h5py.Group, name: str) -> Any:
 def _check_storage(parent: h5py.Group, name: str, data: h5py.Dataset) -> None:
     if data.external or data.is_virtual:
         _refuse(parent, name, "external or virtual storage", "data stored in the file itself")
-    limit = max(_FLOOR_BYTES, _MAX_RATIO * data.id.get_storage_size())
+    limit = max(_FLOOR_BYTES, _MAX_RATIO * Path(parent.file.filename).stat().st_size)
     if data.nbytes > limit:
         _refuse(parent, name, f"{data.shape} declared, {data.nbytes:.3g} bytes", f"at most {limit:.3g} bytes")
 

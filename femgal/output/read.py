@@ -151,7 +151,7 @@ def _reader(file: Path) -> SeriesReader:
 
         return VtkHdfReader(file)
     if file.suffix == ".pvd":
-        from femgal.output.vtu import VtuReader
+        from femgal.output.vtu_reader import VtuReader
 
         return VtuReader(file)
     raise InputError("not a series", where=str(file), found=file.suffix or "no suffix", allowed=".vtkhdf, .pvd")

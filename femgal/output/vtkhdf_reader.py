@@ -40,7 +40,7 @@ class VtkHdfReader:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._read(lambda root: local_object(root, "Steps"))
+        self._read(_frames)
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -73,7 +73,7 @@ class VtkHdfReader:
         def read(root: h5py.Group) -> Array:
             step = checked_frame(frame, _frames(root), str(self._path))
             if name not in local_object(root, group):
-                allowed = ", ".join(sorted(root[group])) or "none"
+                allowed = ", ".join(sorted(local_object(root, group))) or "none"
                 raise InputError(f"no such {kind} array", where=str(self._path), found=name, allowed=allowed)
             start = int(local_object(root, f"Steps/{group}Offsets/{name}")[step])
             rows = int(local_object(root, count)[0])
@@ -86,7 +86,9 @@ class VtkHdfReader:
 
         def read(root: h5py.Group) -> dict[str, float]:
             step = checked_frame(frame, _frames(root), str(self._path))
-            return {name: float(local_object(root, f"FieldData/{name}")[step]) for name in root["FieldData"]}
+            return {
+                name: float(local_object(root, f"FieldData/{name}")[step]) for name in local_object(root, "FieldData")
+            }
 
         return self._read(read)
 
