@@ -56,8 +56,9 @@ class VtuWriter:
         self._times = self._kept_times(resume_frames) if resume_frames else []
         (folder / "frames").mkdir(exist_ok=True)
         self._write_list()
+        kept = set(map(_frame_name, range(len(self._times))))
         for frame in (folder / "frames").glob("frame_*.vtu"):
-            if frame.name not in map(_frame_name, range(len(self._times))):
+            if frame.name not in kept:
                 frame.unlink()
 
     @property
