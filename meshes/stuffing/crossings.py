@@ -18,6 +18,7 @@ from meshes.jit import kernel, scalar
 from meshes.stuffing.lattice import DIRECTIONS
 from meshes.types import Cells, Points
 
+_TINY = 1e-300
 LineData: TypeAlias = tuple[
     NDArray[np.int64],
     NDArray[np.int64],
@@ -134,17 +135,19 @@ def lattice_number(frame: NDArray[np.int64], strides: NDArray[np.int64], u: int,
 
 @scalar
 def _left_of(ax: float, ay: float, a: int, bx: float, by: float, b: int, x: float, y: float) -> float:
-    """Twice the area of (a, b, point), never zero, and exactly opposite for (b, a, point).
+    """Twice the area of (a, b, point), exactly opposite for (b, a, point), and never zero.
 
-    Always computed from the lower vertex number, so that two triangles decide alike about the line on their common
-    edge; a line exactly on the edge counts as left of it as seen from the lower vertex.
+    Always computed from the lower vertex number, so that two triangles decide alike about a line near their common
+    edge. A line exactly on it is decided as if it stood at (x + e, y + e^2) with e > 0 too small to matter elsewhere.
     """
     sign = 1.0
     if a > b:
         ax, ay, bx, by = bx, by, ax, ay
         sign = -1.0
     area = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
-    return sign * area if area != 0.0 else sign * 1e-300
+    if area == 0.0:
+        area = _TINY if by < ay or (by == ay and bx > ax) else -_TINY
+    return sign * area
 
 
 @kernel

@@ -113,7 +113,10 @@ def _smaller_fans(filling: Filling, edges: Cells) -> NDArray[np.int64]:
 def _stars(cells: Cells, vertices: Cells, n_vertices: int) -> list[tuple[int, NDArray[np.int64]]]:
     """Rows of the cells around each of a few vertices."""
     rows = _touching(cells, vertices, n_vertices)
-    return [(int(v), rows[(cells[rows] == v).any(axis=1)]) for v in vertices]
+    order = np.argsort(cells[rows], axis=None, kind="stable")
+    corner = cells[rows].ravel()[order]
+    first, last = np.searchsorted(corner, vertices, "left"), np.searchsorted(corner, vertices, "right")
+    return [(int(v), rows[order[i:j] // 4]) for v, i, j in zip(vertices, first, last, strict=True)]
 
 
 def _parts(cells: Cells, shared: int) -> list[NDArray[np.int64]]:

@@ -12,7 +12,7 @@ from meshes.distance import SurfaceDistance, surface_distance
 from meshes.quality import Dihedrals, dihedrals
 from meshes.stuffing.repair import Repairs
 from meshes.stuffing.signs import Sample
-from meshes.stuffing.spacing import vertices_at
+from meshes.stuffing.spacing import LAYER_DENSITY, surface_area, vertices_at
 from meshes.stuffing.thickness import ACCEPTED_LOSS, LOST_BELOW, share_below, sufficient_spacing
 from meshes.surface import boundary, component_labels
 from meshes.types import Cells, Points, TetMesh, TriMesh
@@ -60,7 +60,8 @@ class StuffingReport:
 
 def report(asked: int, mesh: TetMesh, surface: TriMesh, sample: Sample, repairs: Repairs) -> StuffingReport:
     """Measure a mesh against the surface that it fills."""
-    volume = float(mesh.volumes.sum())
+    skin = _skin(mesh.points, mesh.cells)
+    volume = skin.enclosed_volume
     enclosed = surface.enclosed_volume - sample.doubled
     lost = max(0.0, 1.0 - volume / enclosed)
     return StuffingReport(
@@ -73,12 +74,12 @@ def report(asked: int, mesh: TetMesh, surface: TriMesh, sample: Sample, repairs:
         volume_ratio=volume / enclosed,
         lost_share=lost,
         thin_share=share_below(sample.thin, sample.inside, LOST_BELOW),
-        distance=surface_distance(_skin(mesh.points, mesh.cells), surface),
+        distance=surface_distance(skin, surface),
         dihedral=dihedrals(mesh.points, mesh.cells),
         repairs=repairs,
         unresolved_cuts=sample.unresolved,
         unbalanced_lines=sample.unbalanced,
-        warning=_warning(len(mesh.points), lost, enclosed, sample) if lost > ACCEPTED_LOSS else "",
+        warning=_warning(lost, enclosed, surface, sample) if lost > ACCEPTED_LOSS else "",
     )
 
 
@@ -88,15 +89,15 @@ def _skin(points: Points, cells: Cells) -> TriMesh:
     return TriMesh(points[used], renumbered.reshape(-1, 3).astype(np.int32))
 
 
-def _warning(vertices: int, lost: float, enclosed: float, sample: Sample) -> str:
+def _warning(lost: float, enclosed: float, surface: TriMesh, sample: Sample) -> str:
     h = sample.lattice.spacing
-    layer = max((vertices - 2.0 * enclosed / h**3) * h**2, 0.0)
     finer = h * sufficient_spacing(sample.thin, sample.inside, lost)
     thin = share_below(sample.thin, sample.inside, LOST_BELOW)
+    enough = vertices_at(finer, enclosed, LAYER_DENSITY * surface_area(surface))
     return (
         f"{100 * lost:.1f}% of the volume is lost at a spacing of {h:.3g} m"
         f" ({100 * thin:.1f}% of the body is thinner than {LOST_BELOW * h:.3g} m);"
-        f" about {_rounded_up(vertices_at(finer, enclosed, layer)):,} vertices should keep all but 1%"
+        f" about {_rounded_up(enough):,} vertices should keep all but 1%"
     )
 
 

@@ -8,18 +8,20 @@ gives b, and with it the next spacing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meshes.types import TriMesh
 
 # Vertices per h^2 of surface beyond 2 V / h^3: 1.0 to 1.4 on scanned bodies of 500 to 200,000 vertices.
 LAYER_DENSITY = 1.3
-_COUNTS = 6  # the model is good to a per cent or two after the first
-_SCAN = np.linspace(0.75, 1.3, 45)  # spacings, relative, tried one by one when N is too small for the model
+_COUNTS = 5  # the model is good to a per cent or two after the first
+# Spacings, relative and nearest first, tried one by one in changing placements of the lattice when the number jumps:
+# for few vertices, and for plates that hold a whole number of layers.
+_PLACEMENTS = 5
+_SCAN = sorted((1.0 + 0.01 * k for k in range(-25, 31)), key=lambda factor: abs(factor - 1.0))
 
 
 class Counted(Protocol):
@@ -59,44 +61,34 @@ def spacing_for(vertices: float, volume: float, layer: float) -> float:
 
 def nearest_trial(
     attempt: Callable[[float, int], Trial], vertices: int, volume: float, area: float, tolerance: float
-) -> Iterator[Trial]:
-    """Trials ever nearer to the wanted number of vertices, until one is within tolerance / 5 or ideas run out.
+) -> Trial:
+    """Trial nearest to the wanted number of vertices; the search ends within tolerance / 5, or when ideas run out.
 
     Parameters
     ----------
-    attempt : Makes a trial from a spacing [m] and the number of a lattice placement.
+    attempt : Makes a trial from a spacing [m] and the number of a placement of the lattice.
     vertices : Wanted number.
     volume, area : Of the body [m^3, m^2].
-    tolerance : Accepted relative difference.
+    tolerance : Accepted relative difference; the trial returned may miss it when the number is small.
     """
-    best = np.inf
     layer = LAYER_DENSITY * area
-    spacing = spacing_for(vertices, volume, layer)
+    spacing = first = spacing_for(vertices, volume, layer)
+    best = attempt(spacing, 0)
+    last = best
     for _ in range(_COUNTS):
-        trial = attempt(spacing, 0)
-        miss = abs(trial.vertices / vertices - 1.0)
-        if miss < best:
-            best = miss
-            yield trial
-        if best <= 0.2 * tolerance:
-            return
+        if _miss(best, vertices) <= 0.2 * tolerance:
+            return best
         # The layer's density is bounded from below, or a tiny count would send the next spacing to infinity.
-        layer = max((trial.vertices - 2.0 * volume / spacing**3) * spacing**2, -0.5 * area)
+        layer = max((last.vertices - 2.0 * volume / spacing**3) * spacing**2, -0.5 * area)
         spacing = spacing_for(vertices, volume, layer)
-    if best > tolerance:
-        yield from _scan(attempt, spacing_for(vertices, volume, LAYER_DENSITY * area), vertices, tolerance, best)
+        last = attempt(spacing, 0)
+        best = min(best, last, key=lambda trial: _miss(trial, vertices))
+    for k, factor in enumerate(_SCAN):
+        if _miss(best, vertices) <= tolerance:
+            break
+        best = min(best, attempt(first * factor, k % _PLACEMENTS), key=lambda trial: _miss(trial, vertices))
+    return best
 
 
-def _scan(
-    attempt: Callable[[float, int], Trial], spacing: float, vertices: int, tolerance: float, best: float
-) -> Iterator[Trial]:
-    factors: NDArray[np.float64] = _SCAN[np.argsort(np.abs(np.log(_SCAN)), kind="stable")]
-    for placement in range(2):
-        for factor in factors:
-            trial = attempt(float(spacing * factor), placement)
-            miss = abs(trial.vertices / vertices - 1.0)
-            if miss < best:
-                best = miss
-                yield trial
-            if best <= tolerance:
-                return
+def _miss(trial: Counted, vertices: int) -> float:
+    return abs(trial.vertices / vertices - 1.0)

@@ -12,7 +12,10 @@ on Graphics 26(3), 2007. Where this differs:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
 
 from meshes.errors import MeshError
 from meshes.stuffing.fill import Filling, fill
@@ -20,15 +23,24 @@ from meshes.stuffing.lattice import Lattice
 from meshes.stuffing.repair import Repairs, repair
 from meshes.stuffing.report import StuffingReport, report
 from meshes.stuffing.signs import Sample, sample
-from meshes.stuffing.spacing import LAYER_DENSITY, nearest_trial, surface_area, vertices_at
+from meshes.stuffing.spacing import nearest_trial, surface_area
 from meshes.stuffing.warp import Warped, warp
 from meshes.surface import check_closed, outward
 from meshes.types import TetMesh, TriMesh
 
 __all__ = ["StuffingReport", "tetrahedralise"]
 
-_PLACEMENTS = 3  # of the lattice, while rounding leaves a line with an open winding number
-_ROUNDS = 4  # repairs change the number of vertices; the aim is shifted by what they took
+_PLACEMENTS = 3  # of the lattice, while lines through edges or vertices of the surface leave a cut unknown
+_ROUNDS = 8  # repairs change the number of vertices, so the aim is shifted, then bracketed; scans need 1 or 2
+_FEWEST = 30  # below, hardly any number can be met
+_LARGER_SIZES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class _Stuffed:
+    sample: Sample
+    filling: Filling
+    repairs: Repairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +74,11 @@ def tetrahedralise(surface: TriMesh, vertices: int, *, tolerance: float = 0.05) 
     surface = _solid(surface)
     if not vertices >= 4:
         raise MeshError("too few vertices for a tetrahedron", found=vertices, allowed=">= 4")
-    trial, filling, repairs = _stuffed(surface, vertices, tolerance)
-    mesh = TetMesh(filling.points, filling.cells, replace(surface.origin))
-    return mesh, report(vertices, mesh, surface, trial.sample, repairs)
+    stuffed = _stuffed(surface, vertices, tolerance)
+    if not isinstance(stuffed, _Stuffed):
+        raise _refusal(surface, vertices, stuffed, tolerance)
+    mesh = TetMesh(stuffed.filling.points, stuffed.filling.cells, surface.origin)
+    return mesh, report(vertices, mesh, surface, stuffed.sample, stuffed.repairs)
 
 
 def _solid(surface: TriMesh) -> TriMesh:
@@ -75,49 +89,44 @@ def _solid(surface: TriMesh) -> TriMesh:
     return surface
 
 
-def _stuffed(surface: TriMesh, vertices: int, tolerance: float) -> tuple[_Trial, Filling, Repairs]:
-    aim, nearest = vertices, 0
+def _stuffed(surface: TriMesh, vertices: int, tolerance: float) -> _Stuffed | int:
+    """Filling within the tolerance, or else the nearest number of vertices that was met."""
+    volume, area = surface.enclosed_volume, surface_area(surface)
+    aim, nearest = float(vertices), 0
+    below, above = 0.0, np.inf
     for _ in range(_ROUNDS):
-        trial = _nearest_trial(surface, aim, tolerance)
-        if trial is None or trial.vertices == 0:
-            break
+        trial = nearest_trial(partial(_trial, surface), round(aim), volume, area, tolerance)
+        if abs(trial.vertices - aim) > tolerance * aim:
+            return nearest or trial.vertices
         filling, repairs = repair(fill(trial.sample, trial.warped), surface)
-        nearest = len(filling.points)
-        if abs(nearest - vertices) <= tolerance * vertices:
-            return trial, filling, repairs
-        aim = max(round(aim * vertices / nearest), 4)
-    raise MeshError(
-        "no lattice gives so many vertices",
-        where=surface.origin.name,
-        found=f"{nearest} vertices at the nearest, {vertices} asked",
-        allowed=f"within {100 * tolerance:g}%",
-        advice=f"ask for at least {_sensible(surface)} vertices, or accept a larger tolerance",
-    )
-
-
-def _nearest_trial(surface: TriMesh, vertices: int, tolerance: float) -> _Trial | None:
-    area = surface_area(surface)
-    best = None
-    for trial in nearest_trial(
-        lambda spacing, placement: _trial(surface, spacing, placement),
-        vertices,
-        surface.enclosed_volume,
-        area,
-        tolerance,
-    ):
-        best = trial
-    return best
+        obtained = len(filling.points)
+        if abs(obtained - vertices) <= tolerance * vertices:
+            return _Stuffed(trial.sample, filling, repairs)
+        nearest = min(nearest, obtained, key=lambda n: abs(n - vertices))
+        below, above = (aim, above) if obtained < vertices else (below, aim)
+        aim *= vertices / obtained
+        if not below < aim < above:
+            aim = (below * above) ** 0.5
+    return nearest
 
 
 def _trial(surface: TriMesh, spacing: float, placement: int) -> _Trial:
     for attempt in range(_PLACEMENTS):
         found = sample(surface, Lattice.around(surface.points, spacing, placement + 7 * attempt))
-        if found.unbalanced == 0:
+        if found.unbalanced + found.unresolved == 0:
             break
     return _Trial(found, warp(found))
 
 
-def _sensible(surface: TriMesh) -> int:
-    """Vertices at a spacing of three times volume over area, the radius for a ball: fewer show no shape."""
-    volume, area = surface.enclosed_volume, surface_area(surface)
-    return round(vertices_at(3.0 * volume / area, volume, LAYER_DENSITY * area))
+def _refusal(surface: TriMesh, vertices: int, nearest: int, tolerance: float) -> MeshError:
+    """Error that names the next round number of vertices that works."""
+    sizes = [first * 10**k for k in range(1, 9) for first in (1, 1.5, 2, 3, 5, 7)]
+    larger = [round(size) for size in sizes if size > max(vertices, _FEWEST)][:_LARGER_SIZES]
+    works = next((size for size in larger if isinstance(_stuffed(surface, size, tolerance), _Stuffed)), None)
+    return MeshError(
+        "no lattice fills the surface with so many vertices",
+        where=surface.origin.name,
+        found=f"{nearest} vertices at the nearest, {vertices} asked",
+        allowed=f"within {100 * tolerance:g}%",
+        advice=f"ask for {works} vertices" if works else "ask for far more vertices, or accept a larger tolerance",
+    )

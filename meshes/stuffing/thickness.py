@@ -4,7 +4,7 @@
 The inside lattice points sample the volume evenly. The thickness of the body at such a point is taken as its shortest
 chord along the seven lattice directions. Measured on scans, a tentacled ball and a thin-walled pot at 500 to 1,000,000
 vertices: the share of the volume that is lost is, within a quarter, the share thinner than 0.75 spacings, unless most
-of the body is a wall of one thickness; that needs 1.25 spacings.
+of the body is a wall of one thickness; that needs 1.4 spacings.
 """
 
 from __future__ import annotations
@@ -19,9 +19,11 @@ from meshes.stuffing.crossings import BUNDLES, Crossings, lattice_number
 from meshes.stuffing.lattice import Lattice
 
 LOST_BELOW = 0.75
-WALL_NEEDS = 1.25
-WALL_SHARE = 0.1
+WALL_NEEDS = 1.4
+WALL_SHARE = 0.3
 ACCEPTED_LOSS = 0.01
+_FACETS_LOSE = 0.1  # at most, of a body that is not thin
+_FEWEST = 5  # points below a quantile that make it one
 
 
 def thin_points(sign: NDArray[np.int8], lattice: Lattice, found: Sequence[Crossings]) -> NDArray[np.float32]:
@@ -50,14 +52,16 @@ def sufficient_spacing(thin: NDArray[np.float32], inside: int, lost: float) -> f
     by_thickness = min(
         _quantile(thin, inside, ACCEPTED_LOSS) / LOST_BELOW, _quantile(thin, inside, WALL_SHARE) / WALL_NEEDS
     )
-    # The chords of a smooth convex surface lose a share that falls with the square of the spacing.
-    by_chords = (ACCEPTED_LOSS / lost) ** 0.5
-    return by_thickness if by_thickness < 1.0 else min(by_chords, 1.0)
+    # Facets that cut off a smooth convex surface or an edge lose a share that falls with the square of the spacing.
+    by_facets = min((ACCEPTED_LOSS / lost) ** 0.5, 1.0)
+    if by_thickness >= 1.0:
+        return by_facets
+    return by_thickness if lost > _FACETS_LOSE else min(by_thickness, by_facets)
 
 
 def _quantile(thin: NDArray[np.float32], inside: int, share: float) -> float:
     rank = int(share * inside)
-    return float(thin[rank]) if rank < len(thin) else np.inf
+    return float(thin[rank]) if _FEWEST <= rank < len(thin) else np.inf
 
 
 @kernel
