@@ -17,7 +17,6 @@ from femgal.timestep.state import MotionState
 from meshes.generators import box
 from meshes.ordering import reorder
 from meshes.types import TetMesh
-from verify.reference.newton import ReferenceNewton
 
 Floats = NDArray[np.float64]
 
@@ -102,16 +101,6 @@ class Moving:
     def positions(self, time: float) -> Floats:
         """Positions [m], shape [k, 3]."""
         return self.rest + time * np.array(self.velocity)
-
-
-def converged_euler(
-    disc: Discretisation,
-    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    damping: float = 0.0,
-    motions: tuple = (),
-) -> BackwardEuler:
-    """Backward Euler whose steps are solved by the reference Newton method to rounding."""
-    return BackwardEuler(CpuBackend(disc, 1), ReferenceNewton(disc), 1, np.array(gravity), damping, motions)
 
 
 def march(stepper: BackwardEuler, state: MotionState, h: float, steps: int) -> list[MotionState]:

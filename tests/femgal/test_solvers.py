@@ -10,6 +10,7 @@
 6. Budget: converged, out of iterations, diverged; a tolerance that the prediction meets costs no iteration.
 7. Step lengths are estimated once, and anew when the step of the motion changes.
 8. The corrections reported are the largest moves of each layer, finest first.
+9. The reference itself ends at a minimum, with a positive definite Hessian, from where the Hessian is indefinite too.
 """
 
 from __future__ import annotations
@@ -67,6 +68,23 @@ SIZE = float(np.ptp(X, axis=0).max())
 def test_reference_is_a_minimiser():
     assert eps18(PHI.residual(MINIMISER)) <= 1e-14
     assert PHI.value(MINIMISER) < 0.9 * PHI.value(PHI.xhat)
+
+
+@pytest.mark.parametrize("state", ["random", "inverted"])
+def test_reference_survives_negative_curvature(state):
+    xhat = np.where(DISC.free[:, None], positions(MESH, state), X)
+    phi = potential(xhat, 0.02)
+    newton = ReferenceNewton(DISC)
+    first = newton.step(phi, newton.init(phi, {}))
+    assert phi.value(first.x) < phi.value(xhat)
+    minimiser = minimise(newton, phi, {})
+    assert newton.finished(phi, minimiser) is Outcome.CONVERGED
+    assert eps18(phi.residual(minimiser.x)) <= 1e-13
+    free = np.repeat(DISC.free, 3)
+    A = mass_matrix(DISC.mass) * phi.inverse_h2 + newton.elasticity.hessian(minimiser.x)
+    start = mass_matrix(DISC.mass) * phi.inverse_h2 + newton.elasticity.hessian(xhat)
+    assert np.linalg.eigvalsh(start.toarray()[np.ix_(free, free)])[0] < 0.0
+    assert np.linalg.eigvalsh(A.toarray()[np.ix_(free, free)])[0] > 0.0
 
 
 @pytest.mark.parametrize("rule", RULES, ids=str)
