@@ -227,9 +227,12 @@ class _Run:
         if not self._recorder:
             return
         try:
-            if last is not None:
-                self._recorder.checkpoint(last)
-            self._recorder.finish(status, failure)
+            try:
+                if last is not None:
+                    self._recorder.checkpoint(last)
+            finally:
+                # Closed properly, a series is cheap to resume; and the log must not go on saying "running".
+                self._recorder.finish(status, failure)
         except OSError as error:
             # The disk is full or gone; what was flushed before stays, and the first cause is the one to report.
             self._result.status, self._result.failure = "failed", failure or error

@@ -139,9 +139,22 @@ class TetMesh(_Mesh):
 
 def signed_volumes(points: Points, cells: NDArray) -> NDArray[np.float64]:
     """Signed volume (b-a) x (c-a) . (d-a) / 6 of each tetrahedron [m^3], shape [n_tets]."""
-    a = points[cells[:, 0]]
-    b, c, d = (points[cells[:, k]] - a for k in (1, 2, 3))
-    return np.einsum("ij,ij->i", np.cross(b, c), d) / 6.0
+    volumes = np.empty(len(cells))
+    # In pieces that stay in the cache: the temporaries of millions of cells would cost a gigabyte.
+    for start in range(0, len(cells), _PIECE):
+        piece = cells[start : start + _PIECE]
+        a = points[piece[:, 0]]
+        b, c, d = (points[piece[:, k]] - a for k in (1, 2, 3))
+        volumes[start : start + _PIECE] = _triple_product(b.T, c.T, d.T) / 6.0
+    return volumes
+
+
+_PIECE = 16384
+
+
+def _triple_product(b: NDArray, c: NDArray, d: NDArray) -> NDArray[np.float64]:
+    """(b x c) . d for vectors in the columns of [3, n] arrays."""
+    return (b[1] * c[2] - b[2] * c[1]) * d[0] + (b[2] * c[0] - b[0] * c[2]) * d[1] + (b[0] * c[1] - b[1] * c[0]) * d[2]
 
 
 def _float_points(points: ArrayLike, where: str) -> Points:

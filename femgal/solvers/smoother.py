@@ -23,6 +23,9 @@ Floats = NDArray[np.float64]
 # How far to go: by the spectrum at rest, to the minimum along each correction, or by (coarse layers, finest layer).
 StepRule = Literal["spectral", "exact"] | tuple[float, float]
 
+# lambda grows as the body deforms; what is left below the bound of stability is for that.
+STABLE_SHARE = 0.95
+
 # A step length that stands for "to the minimum along the correction".
 EXACT = math.nan
 
@@ -69,8 +72,11 @@ def step_lengths(
 ) -> Floats:
     """Step length w of each layer, finest first.
 
-    Spectral: w_l = 2 / (1 + lambda_max(D_l^-1 A_l)) at the rest state. lambda_max -> 1 and so w -> 1 as h -> 0, which
-    makes one pass per step consistent with the equation of motion.
+    Spectral: w_l = min(2 / (1 + lambda), 4 / (3 lambda)) with lambda = lambda_max(D_l^-1 A_l) at the rest state.
+    lambda -> 1 and so w -> 1 as h -> 0, which makes one pass per step consistent with the equation of motion. The
+    first bound smooths best. The second keeps the motion stable: a step that maps the prediction to x = T xhat gives
+    x_{n+1} = T (2 x_n - x_{n-1}), whose solutions stay bounded for -1/3 <= T <= 1, and on the stiffest modes one
+    sweep has T = 1 - w lambda.
     """
     if rule == "exact":
         return np.full(len(layers), EXACT)
@@ -78,8 +84,8 @@ def step_lengths(
         coarse, fine = rule
         return np.array([fine] + [coarse] * (len(layers) - 1))
     X = potential.backend.disc.mesh.points
-    lambdas = [largest_block_jacobi_eigenvalue(potential, layer, X, scalar=scalar) for layer in layers]
-    return 2.0 / (1.0 + np.array(lambdas))
+    lambdas = np.array([largest_block_jacobi_eigenvalue(potential, layer, X, scalar=scalar) for layer in layers])
+    return np.minimum(2.0 / (1.0 + lambdas), STABLE_SHARE * 4.0 / (3.0 * lambdas))
 
 
 @dataclass(eq=False)
