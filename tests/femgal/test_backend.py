@@ -8,7 +8,7 @@
 5. Patch test: an affine map of the whole mesh leaves no force at inner vertices, inverted maps included.
 6. Forces of a free body sum to zero, and so do their moments about the origin.
 7. Forces turn with the body and do not see translations.
-8. Gradient, Hessian product, energies, and blocks of a coarse layer have the same bits for 1, 2 and 3 threads.
+8. Gradient, Hessian product, energies, blocks of a coarse layer and sums have the same bits for 1, 2 and 3 threads.
 9. Von Mises stress: of a uniaxial and of a sheared state in closed form, zero of a dilation, infinite without volume.
 10. Block solves equal dense solves; `scalar` uses only the diagonal.
 11. Passes count one per call over all tetrahedra, and coarse layers by their share of pairs.
@@ -125,7 +125,8 @@ def test_same_bits_for_any_thread_count():
         moved = x.copy()
         backend.prolong(layer, backend.solve(g, H, 0.7), moved)
         elastic = [backend.gradient(x), backend.hessian_product(x, d), *backend.energies(x), backend.von_mises(x)]
-        results.append([*elastic, g, H, moved, backend.restrict(layer, d)])
+        along = backend.energies_along(backend.vertices, x, d)
+        results.append([*elastic, g, H, moved, backend.restrict(layer, d), along])
     for other in results[1:]:
         for one, two in zip(results[0], other, strict=True):
             assert one.tobytes() == two.tobytes()

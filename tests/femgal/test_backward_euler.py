@@ -11,7 +11,8 @@
 8. First order in time, against velocity Verlet at a small step.
 9. One FAS pass per step with spectral step lengths converges to the right motion as h -> 0; with the constants of Lu et
    al. 2025 the error stays, while eps18 falls as fast for both.
-10. The residual is that of the last step; there is none before the first.
+10. One pass per step with spectral step lengths is stable: small disturbances do not grow, at steps up to 1/10 s.
+11. The residual is that of the last step; there is none before the first.
 """
 
 from __future__ import annotations
@@ -226,6 +227,19 @@ def test_one_pass_per_step_is_consistent_only_with_spectral_steps():
     assert published[-1] >= 5.0 * spectral[-1]
     for rule in errors:
         assert (slopes(residuals[rule]) >= 1.5).all()
+
+
+@pytest.mark.parametrize("h", [1.0 / 600.0, 1.0 / 60.0, 0.1])
+@pytest.mark.parametrize("solver", [FAS, Jacobi, ScalarJacobi])
+def test_one_pass_per_step_is_stable(solver, h):
+    left = left_end(MESH)
+    disc = uniform(MESH, left)
+    stepper = euler(disc, solver, gravity=np.zeros(3), motions=(Moving(left, X[left]),))
+    disturbance = 1e-7 * rng(123).standard_normal(X.shape) * disc.free[:, None]
+    states = run(stepper, X + disturbance, np.zeros_like(X), h, 300)
+    sizes = np.array([np.linalg.norm(state.x - X) for state in states]) / np.linalg.norm(disturbance)
+    assert sizes.max() <= 2.0
+    assert sizes[-100:].max() <= 0.5
 
 
 def test_residual():

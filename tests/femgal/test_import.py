@@ -4,11 +4,13 @@
 1. `import femgal` loads none of the heavy packages.
 2. `femgal --help` loads none of them either, nor NumPy.
 3. `femgal --help` answers in 0.3 s of CPU time: start-up of the interpreter included, best of three.
-4. Every public name of `femgal` resolves, and a wrong one is refused.
+4. The example in the package's docstring does what it says.
+5. Every public name of `femgal` resolves, and a wrong one is refused.
 """
 
 from __future__ import annotations
 
+import doctest
 import os
 import subprocess
 import sys
@@ -57,6 +59,12 @@ def test_help_is_quick():
         return after.children_user + after.children_system - before.children_user - before.children_system
 
     assert min(cpu_seconds() for _ in range(3)) <= 0.3
+
+
+def test_the_example_runs():
+    outcome = doctest.testmod(femgal)
+    assert outcome.attempted >= 5
+    assert outcome.failed == 0
 
 
 @pytest.mark.parametrize("name", femgal.__all__)

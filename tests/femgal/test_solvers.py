@@ -70,9 +70,8 @@ def test_reference_is_a_minimiser():
     assert PHI.value(MINIMISER) < 0.9 * PHI.value(PHI.xhat)
 
 
-@pytest.mark.parametrize("state", ["random", "inverted"])
-def test_reference_survives_negative_curvature(state):
-    xhat = np.where(DISC.free[:, None], positions(MESH, state), X)
+def test_reference_survives_negative_curvature():
+    xhat = np.where(DISC.free[:, None], positions(MESH, "random"), X)
     phi = potential(xhat, 0.02)
     newton = ReferenceNewton(DISC)
     first = newton.step(phi, newton.init(phi, {}))

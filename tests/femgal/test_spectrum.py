@@ -3,7 +3,8 @@
 
 1. lambda_max(D_l^-1 A_l) of every layer, from below and within 10%, with 3x3 blocks and with plain diagonals, for
    steps from h -> 0 (where it is 1) to 1/60 s. A tight cluster of eigenvalues at the top is why it is not closer.
-2. The step lengths made of it lie in (0, 1], keep every error of a layer from growing, |1 - w lambda| < 1, and go to 1.
+2. The step lengths made of it lie in (0, 1], go to 1 with h -> 0, and keep one sweep from exciting the motion: with the
+   dense eigenvalue 1 - w lambda >= -1/3 within 0.01, the share of the margin that low estimates have been seen to eat.
 3. The squared frequency is within 7% of the largest dense eigenvalue of M^-1 K, without and with constrained vertices,
    for uniform and heterogeneous bodies. It may lie below, where the residual's disc holds other eigenvalues, but never
    so far that 0.9 of the step made of it is unstable. The mode has unit mass norm and rests where vertices do.
@@ -63,24 +64,31 @@ def largest(A: np.ndarray, D: np.ndarray) -> float:
 @pytest.mark.parametrize("name", ["uniform", "solid wall", "varied"])
 def test_block_jacobi_eigenvalue(name, h, scalar):
     phi = potential_at(BODIES[name], MESH.points, h)
-    for layer in LAYERS[name]:
+    steps = step_lengths("spectral", phi, LAYERS[name], scalar=scalar)
+    for layer, w in zip(LAYERS[name], steps, strict=True):
         estimate = largest_block_jacobi_eigenvalue(phi, layer, MESH.points, scalar=scalar)
         exact = dense_eigenvalue(name, layer, h, scalar)
         assert 0.9 * exact <= estimate <= exact * (1.0 + 1e-9)
-        w = 2.0 / (1.0 + estimate)
         assert 0.0 < w <= 1.0
-        assert abs(1.0 - w * exact) < 1.0
+        assert 1.0 - w * exact >= -1.0 / 3.0 - 0.01
         if h == 1e-7 and layer.name != "made up":  # overlapping weights leave a coarse mass matrix that is not diagonal
             assert w == pytest.approx(1.0, abs=1e-4)
 
 
-def test_step_lengths_of_all_layers():
-    phi = potential_at(BODIES["held"], MESH.points, 1.0 / 600.0)
-    layers = LAYERS["held"]
+@pytest.mark.parametrize("h", [1.0 / 600.0, 1.0 / 60.0])
+def test_step_lengths_of_all_layers(h):
+    phi = potential_at(BODIES["held"], MESH.points, h)
+    layers = LAYERS["held"][:-1]
+    lambdas = np.array([largest_block_jacobi_eigenvalue(phi, layer, MESH.points) for layer in layers])
+    smoothing, stable = 2.0 / (1.0 + lambdas), 4.0 / (3.0 * lambdas)
     w = step_lengths("spectral", phi, layers)
-    expected = [2.0 / (1.0 + largest_block_jacobi_eigenvalue(phi, layer, MESH.points)) for layer in layers]
-    np.testing.assert_array_equal(w, expected)
+    np.testing.assert_array_equal(w[smoothing < 0.9 * stable], smoothing[smoothing < 0.9 * stable])
+    assert (w <= np.minimum(smoothing, stable)).all()
+    assert (w >= 0.9 * np.minimum(smoothing, stable)).all()
+    # The short step is the smoother's business on every vertex, the long one that of stability on some layer.
+    assert (smoothing > stable).any() == (h == 1.0 / 60.0)
     np.testing.assert_array_equal(step_lengths((0.25, 0.5), phi, layers), [0.5] + [0.25] * (len(layers) - 1))
+    assert np.isnan(step_lengths("exact", phi, layers)).all()
 
 
 def dense_frequency_squared(name: str, K) -> float:
