@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from femgal.failure import SolverFailure
 from femgal.output.checkpoint import load_checkpoint, save_checkpoint
 from femgal.output.fields import find_field
-from femgal.output.folder import prepare_output
+from femgal.output.folder import has_checkpoint, prepare_output
 from femgal.output.runlog import RunLog
 from femgal.output.series import SeriesWriter, open_series
 from femgal.scene.load import load_scene
@@ -99,7 +99,7 @@ def run(
     folder = prepare_output(Path(out), resume=resume)
     try:
         simulation = Simulation.prepare(scene, progress.announce)
-        point = _Point.load(folder, simulation.fingerprint) if resume else None
+        point = _Point.load(folder, simulation.fingerprint) if resume and has_checkpoint(folder) else None
         recorder = _Recorder(folder, simulation, point)
     except ValueError:
         if not existed:

@@ -82,6 +82,8 @@ class Simulation:
     stepper: TimeStepper
     guard: EnergyGuard = field(init=False)
     _start: MotionState | None = field(default=None, init=False, repr=False)
+    # Substeps of the present frame that missed the tolerance asked for.
+    _unconverged: int = field(default=0, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.gravity = np.asarray(self.scene.gravity, np.float64)
@@ -189,6 +191,7 @@ class Simulation:
         self.guard.allow_for_motion(state, self.frame_duration)
         state, substeps = self.stepper.begin_frame(state, self.frame_duration)
         for retakes in range(MOST_RETAKES + 1):
+            self._unconverged = 0
             after, done = self._substeps(state, substeps, on_substep)
             after, wanted = self.stepper.end_frame(after, self.frame_duration, substeps)
             if wanted is None:
@@ -206,6 +209,7 @@ class Simulation:
             seconds=time.perf_counter() - began,
             substeps=substeps,
             retakes=retakes,
+            unconverged=self._unconverged,
             passes=sum(by_kind.values()),
             passes_by_kind=by_kind,
         )
@@ -216,6 +220,7 @@ class Simulation:
         h = self.frame_duration / substeps
         for substep in range(1, substeps + 1):
             state = self.stepper.step(state, h)
+            self._unconverged += state.converged is False
             if not np.isfinite(state.x.sum()):
                 return state, substep
             if not on_substep(substep, substeps):
@@ -231,6 +236,7 @@ class Simulation:
             "seconds": 0.0,
             "substeps": 0,
             "retakes": 0,
+            "unconverged": 0,
             "passes": 0.0,
             "passes_by_kind": Passes().as_dict(),
             "eps18": None if residual is None else eps18(residual),

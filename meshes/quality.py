@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from meshes.connectivity import component_labels, vertex_cells
 from meshes.jit import kernel, scalar
-from meshes.surface import boundary, component_labels, manifold_report, vertex_cells
+from meshes.surface import boundary, manifold_report
 from meshes.types import Cells, Points, TetMesh
 
 Floats = NDArray[np.float32]

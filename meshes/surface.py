@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from meshes.connectivity import component_labels, vertex_cells
 from meshes.errors import MeshError
 from meshes.jit import kernel
 from meshes.types import Points, TriMesh
@@ -171,30 +172,6 @@ def pinched_vertices(triangles: Indices) -> Indices:
     return np.flatnonzero(_fans(triangles, int(triangles.max()) + 1) > 1).astype(np.int32)
 
 
-def component_labels(cells: Indices) -> Indices:
-    """Lowest vertex of the component that each vertex belongs to (cells of any width), shape [max index + 1]."""
-    return _component_labels(cells, int(cells.max()) + 1)
-
-
-@kernel
-def vertex_cells(cells: Indices, n_vertices: int) -> tuple[NDArray[np.int64], Indices]:
-    """Cells around each vertex in compressed rows: those of vertex v are cell[start[v]:start[v+1]], ascending."""
-    start = np.zeros(n_vertices + 1, np.int64)
-    for e in range(cells.shape[0]):
-        for k in range(cells.shape[1]):
-            start[cells[e, k] + 1] += 1
-    for v in range(n_vertices):
-        start[v + 1] += start[v]
-    cell = np.empty(start[n_vertices], np.int32)
-    cursor = start[:-1].copy()
-    for e in range(cells.shape[0]):
-        for k in range(cells.shape[1]):
-            v = cells[e, k]
-            cell[cursor[v]] = e
-            cursor[v] += 1
-    return start, cell
-
-
 @kernel
 def _sorted_face(cells: Indices, face: int) -> tuple[int, int, int]:
     # Face number 4 e + k lies opposite vertex k of tetrahedron e.
@@ -312,24 +289,3 @@ def _fans(triangles: Indices, n_vertices: int) -> Indices:
 @kernel
 def _meet(ends: Indices, i: int, j: int) -> bool:
     return ends[i, 0] == ends[j, 0] or ends[i, 0] == ends[j, 1] or ends[i, 1] == ends[j, 0] or ends[i, 1] == ends[j, 1]
-
-
-@kernel
-def _component_labels(cells: Indices, n_vertices: int) -> Indices:
-    parent = np.arange(n_vertices, dtype=np.int32)
-    for e in range(cells.shape[0]):
-        for k in range(1, cells.shape[1]):
-            a, b = cells[e, 0], cells[e, k]
-            while parent[a] != a:
-                parent[a] = parent[parent[a]]
-                a = parent[a]
-            while parent[b] != b:
-                parent[b] = parent[parent[b]]
-                b = parent[b]
-            if a < b:
-                parent[b] = a
-            else:
-                parent[a] = b
-    for v in range(n_vertices):
-        parent[v] = parent[parent[v]]
-    return parent

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from meshes.connectivity import component_labels, vertex_cells
 from meshes.jit import kernel
 
 Floats = NDArray[np.float64]
@@ -39,62 +40,21 @@ def cluster_vertices(X: Floats, tets: Ints, free: NDArray[np.bool_], size: int) 
     label : Cluster of each vertex, -1 where not free, shape [n].
     n_clusters : Number of clusters.
     """
-    ptr, incident = vertex_to_cells(len(X), tets)
+    around = vertex_cells(tets, len(X))
     candidates = np.flatnonzero(free)
+    # The lowest vertex of each connected part of the free vertices is the seed of a part that has no other.
+    part = component_labels(tets, np.where(free, 0, -1).astype(np.int32))
+    parts = np.unique(part[candidates])
     n_seeds = max(1, round(len(candidates) / size))
     seeds = candidates[((np.arange(n_seeds) + 0.5) * len(candidates) / n_seeds).astype(np.int64)]
     label, distance = np.empty(len(X), np.int32), np.empty(len(X))
     for sweep in range(SWEEPS):
-        seeds = _grow(X, tets, free, ptr, incident, seeds, label, distance)
+        seeds = np.union1d(seeds, np.setdiff1d(parts, part[seeds]))
+        label[:], distance[:] = -1, np.inf
+        _spread(X, tets, free, *around, seeds, label, distance)
         if sweep < SWEEPS - 1:
-            seeds = _recentre(X, label, distance, seeds, size)
+            seeds = _recentre(X, label, distance, len(seeds), size)
     return label, len(seeds)
-
-
-def vertex_to_cells(n: int, tets: Ints) -> tuple[Longs, Ints]:
-    """Cells around each vertex as a CSR pair (ptr, cell)."""
-    ptr, cells = np.zeros(n + 1, np.int64), np.empty(4 * len(tets), np.int32)
-    _vertex_to_cells(tets, ptr, cells)
-    return ptr, cells
-
-
-@kernel
-def _vertex_to_cells(tets: Ints, ptr: Longs, cells: Ints) -> None:
-    n = len(ptr) - 1
-    for e in range(len(tets)):
-        for k in range(4):
-            ptr[tets[e, k] + 1] += 1
-    for v in range(n):
-        ptr[v + 1] += ptr[v]
-    at = ptr[:-1].copy()
-    for e in range(len(tets)):
-        for k in range(4):
-            v = tets[e, k]
-            cells[at[v]] = e
-            at[v] += 1
-
-
-def _grow(
-    X: Floats,
-    tets: Ints,
-    free: NDArray[np.bool_],
-    ptr: Longs,
-    incident: Ints,
-    seeds: Longs,
-    label: Ints,
-    distance: Floats,
-) -> Longs:
-    """Label every free vertex with its nearest seed along edges; parts without a seed get one each."""
-    label[:], distance[:] = -1, np.inf
-    pending = seeds
-    while True:
-        first = len(seeds) - len(pending)
-        _spread(X, tets, free, ptr, incident, pending, first, label, distance)
-        missing = np.flatnonzero(free & (label < 0))
-        if len(missing) == 0:
-            return seeds
-        pending = missing[:1]
-        seeds = np.concatenate([seeds, pending])
 
 
 @kernel
@@ -105,7 +65,6 @@ def _spread(
     ptr: Longs,
     incident: Ints,
     seeds: Longs,
-    first: int,
     label: Ints,
     distance: Floats,
 ) -> None:
@@ -117,7 +76,7 @@ def _spread(
     head = tail = 0
     for s in range(len(seeds)):
         v = seeds[s]
-        label[v], distance[v] = first + s, 0.0
+        label[v], distance[v] = s, 0.0
         waiting[v] = True
         queue[tail] = v
         tail += 1
@@ -140,15 +99,15 @@ def _spread(
                         tail = tail + 1 if tail < n else 0
 
 
-def _recentre(X: Floats, label: Ints, distance: Floats, seeds: Longs, size: int) -> Longs:
+def _recentre(X: Floats, label: Ints, distance: Floats, n: int, size: int) -> Longs:
     """Next seeds: the vertices nearest to the centroids; large clusters also send their farthest vertex, small none."""
-    n = len(seeds)
     centre, farthest, count = np.empty(n, np.int64), np.empty(n, np.int64), np.zeros(n, np.int64)
     _centres(X, label, distance, centre, farthest, count)
     keep = count > 0.3 * size
     if not keep.any():
         keep[np.argmax(count)] = True
-    return np.concatenate([centre[keep], farthest[count > 1.7 * size]])
+    # In a ring the two can be the same vertex; sorted, clusters that are close have close numbers.
+    return np.union1d(centre[keep], farthest[count > 1.7 * size])
 
 
 @kernel

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.clusters import cluster_vertices
 from femgal.hierarchy.layer import Layer, build_layer, finest_layer
-from meshes.jit import kernel
+from meshes.connectivity import component_labels
 
 # A coarse layer with fewer nodes than this corrects next to nothing that the prediction has not got right already.
 FEWEST_NODES = 4
@@ -98,35 +97,7 @@ def build_constant_hierarchy(
 
 
 def _connected(disc: Discretisation, layer: Layer) -> bool:
-    parent = np.arange(disc.n_vertices, dtype=np.int64)
-    _merge_within(disc.mesh.cells, layer.parent, parent)
-    roots = _roots(parent)[layer.child]
-    first = np.repeat(roots[layer.child_ptr[:-1]], np.diff(layer.child_ptr))
+    """Whether the vertices of each node hang together; with several parents per vertex, those it has as first."""
+    roots = component_labels(disc.mesh.cells, layer.parent[:, 0].copy())[layer.child]
+    first = np.repeat(roots[layer.child_ptr[:-1]], layer.sizes)
     return bool((roots == first).all())
-
-
-@kernel
-def _find(parent: NDArray[np.int64], v: int) -> int:
-    while parent[v] != v:
-        parent[v] = parent[parent[v]]
-        v = parent[v]
-    return v
-
-
-@kernel
-def _merge_within(tets: NDArray[np.int32], node: NDArray[np.int32], parent: NDArray[np.int64]) -> None:
-    """Union of the vertices of each element that share their first node."""
-    for e in range(len(tets)):
-        for a in range(4):
-            for b in range(a):
-                v, w = tets[e, a], tets[e, b]
-                if node[v, 0] >= 0 and node[v, 0] == node[w, 0]:
-                    parent[_find(parent, v)] = _find(parent, w)
-
-
-@kernel
-def _roots(parent: NDArray[np.int64]) -> NDArray[np.int64]:
-    out = np.empty_like(parent)
-    for v in range(len(parent)):
-        out[v] = _find(parent, v)
-    return out

@@ -57,7 +57,7 @@ class Layer:
 
 
 def build_layer(disc: Discretisation, parent: Ints, weight: Floats, n_nodes: int, name: str) -> Layer:
-    """Connect coarse nodes directly to the finest mesh.
+    """Connect coarse nodes directly to the finest mesh; the parents of a vertex are distinct.
 
     An element none of whose nodes deforms it (all of u zero, such as the interior of a constant cluster) contributes
     nothing to gradient or block and is left out (Lu et al. 2025, section 5.1.1).

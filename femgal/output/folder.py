@@ -20,19 +20,20 @@ def prepare_output(folder: Path, *, resume: bool) -> Path:
     folder : Path
         Where the run shall write; made with its parents unless a run is resumed.
     resume : bool
-        True: go on with the run that is there. False: refuse a folder that holds one.
+        True: go on with the run that is there, from its start if it was killed before its first checkpoint. False:
+        refuse a folder that holds one.
 
     Raises
     ------
     InputError
-        A file, not writable, holding an earlier run without `resume`, or `resume` without a checkpoint.
+        A file, not writable, holding an earlier run without `resume`, or `resume` without a run.
     """
     path = Path(folder).expanduser().absolute()
     if path.exists() and not path.is_dir():
         raise _error("output folder is a file", path, "a file", "a folder", "choose another --out")
     traces = [name for name in _TRACES if (path / name).exists()]
     if resume:
-        _need_checkpoint(path, traces)
+        _need_run(path, traces)
     elif traces:
         advice = "add --resume to go on with it, or choose another --out"
         raise _error("output folder holds an earlier run", path, ", ".join(traces), "a new or empty folder", advice)
@@ -40,11 +41,23 @@ def prepare_output(folder: Path, *, resume: bool) -> Path:
     return path
 
 
-def _need_checkpoint(path: Path, traces: list[str]) -> None:
-    if checkpoint.FILE_NAME not in traces:
-        found = ", ".join(traces) or ("nothing of a run" if path.is_dir() else "no such folder")
-        advice = "leave out --resume to start from the beginning"
-        raise _error("nothing to resume", path, found, f"a folder with {checkpoint.FILE_NAME}", advice)
+def has_checkpoint(folder: Path) -> bool:
+    """Whether a run in this folder can go on, rather than begin again."""
+    return (folder / checkpoint.FILE_NAME).exists()
+
+
+def _need_run(path: Path, traces: list[str]) -> None:
+    advice = "leave out --resume to start from the beginning"
+    if not traces:
+        found = "nothing of a run" if path.is_dir() else "no such folder"
+        raise _error("nothing to resume", path, found, f"a folder with {runlog.FILE_NAME}", advice)
+    if checkpoint.FILE_NAME in traces:
+        return
+    # The first checkpoint follows frame 0. Later frames without one were not left by a kill: they are kept.
+    frames = len(runlog.read_log(path)["frames"])
+    if frames > 1:
+        allowed, advice = f"{checkpoint.FILE_NAME} beside them", "choose another --out"
+        raise _error("nothing to resume from", path, f"{frames} frames without a checkpoint", allowed, advice)
 
 
 def _try_writing(path: Path) -> None:

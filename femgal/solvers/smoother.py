@@ -23,8 +23,9 @@ Floats = NDArray[np.float64]
 # How far to go: by the spectrum at rest, to the minimum along each correction, or by (coarse layers, finest layer).
 StepRule = Literal["spectral", "exact"] | tuple[float, float]
 
-# lambda grows as the body deforms; what is left below the bound of stability is for that.
-STABLE_SHARE = 0.95
+# The power iteration ends up to 7% below lambda, and lambda grows as the body deforms: what is left below the bound of
+# stability is for both.
+STABLE_SHARE = 0.9
 
 # A step length that stands for "to the minimum along the correction".
 EXACT = math.nan
@@ -109,7 +110,10 @@ class Relaxation(ABC):
     scalar: ClassVar[bool] = False
 
     def prepare(self, state: MotionState, h: float) -> MotionState:
-        """Estimate the step lengths for steps of h seconds, unless the state remembers them."""
+        """Estimate the step lengths for steps of h seconds, unless the state remembers them.
+
+        Damping is left out: it adds to the inertia, which only lowers lambda.
+        """
         memory = state.memory
         if "step_lengths" not in memory or memory["step_lengths_for"][0] != h:
             potential = IncrementalPotential(self.backend, state.x, h)

@@ -20,7 +20,8 @@ class Outcome(enum.Enum):
     """Why a solver stopped; the value says what happened and what to try."""
 
     CONVERGED = "The residual fell below the tolerance."
-    ITERATIONS = "All iterations asked for were made."
+    ITERATIONS = "All iterations asked for were made; no tolerance was set."
+    NOT_CONVERGED = "The residual is above the tolerance after all iterations. Try more of them, or more substeps."
     DIVERGED = "The iterate is no longer finite. Try more substeps, or steps = 'spectral'."
 
 
@@ -33,11 +34,13 @@ class SolverState:
     x : Positions [m], shape [n, 3]; the solver owns and overwrites it.
     iteration : Iterations made.
     corrections : Largest correction [m] of each layer in the last iteration, finest first.
+    outcome : Why the iteration ended; None while it goes on.
     """
 
     x: Floats
     iteration: int = 0
     corrections: tuple[float, ...] = ()
+    outcome: Outcome | None = None
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,9 @@ class Budget:
             return Outcome.DIVERGED
         if self.tolerance is not None and eps18(potential.residual(state.x)) <= self.tolerance:
             return Outcome.CONVERGED
-        return Outcome.ITERATIONS if state.iteration >= self.iterations else None
+        if state.iteration < self.iterations:
+            return None
+        return Outcome.ITERATIONS if self.tolerance is None else Outcome.NOT_CONVERGED
 
 
 class Solver(Protocol):
@@ -79,8 +84,9 @@ class Solver(Protocol):
 
 
 def minimise(solver: Solver, potential: IncrementalPotential, memory: dict[str, NDArray]) -> SolverState:
-    """Iterate until the solver says that it has finished."""
+    """Iterate until the solver says that it has finished; the state's outcome says why."""
     state = solver.init(potential, memory)
-    while solver.finished(potential, state) is None:
+    while (outcome := solver.finished(potential, state)) is None:
         state = solver.step(potential, state)
+    state.outcome = outcome
     return state

@@ -23,10 +23,12 @@ def random_start(n: int) -> Floats:
 def largest_frequency_squared(
     backend: CpuBackend, x: Floats, start: Floats, *, max_iterations: int = 60, tolerance: float = 0.02
 ) -> tuple[float, Floats]:
-    """Upper estimate of omega_max^2, the largest eigenvalue of M^-1 K at x [1/s^2], and its mode.
+    """Estimate of omega_max^2, the largest eigenvalue of M^-1 K at x [1/s^2], and its mode.
 
-    The Rayleigh quotient theta of the iterate lies below the eigenvalue; |M^-1 K v - theta v|_M, which bounds the
-    distance from theta to the nearest eigenvalue, is added to it. Iteration stops when that is `tolerance` theta.
+    The Rayleigh quotient theta of the iterate lies below the eigenvalue; |M^-1 K v - theta v|_M, the distance within
+    which some eigenvalue lies, is added to it. Iteration stops when that is `tolerance` theta. Where many modes have
+    nearly the largest frequency the estimate can still be low, by 6% of omega^2 in the worst case met: a step of 0.97
+    of the stable one or less is safe from that.
     """
     mass = backend.disc.mass[:, None]
     v = np.where(backend.disc.free[:, None], start, 0.0)
@@ -59,7 +61,7 @@ def largest_block_jacobi_eigenvalue(
         # Rayleigh quotient of D^-1 A at v in the inner product of A: converges twice as fast as the iterate's growth.
         previous, value = value, float((Av * w).sum() / (Av * v).sum())
         v = w / np.linalg.norm(w)
-        if iteration >= 10 and abs(value - previous) <= 1e-3 * value:
+        if iteration >= 6 and abs(value - previous) <= 4e-3 * value:
             break
     # The blocks D^-1 A_ii are identities, so the eigenvalues average 1 and the largest is no less.
     return max(1.0, value)

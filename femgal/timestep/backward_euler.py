@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.kernels.cpu.backend import CpuBackend
-from femgal.solvers.solver import Solver, minimise
+from femgal.solvers.solver import Outcome, Solver, minimise
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import Motion, MotionState, place
 
@@ -59,7 +59,8 @@ class BackwardEuler:
         result = minimise(self.solver, potential, state.memory)
         self._last = potential
         v = (result.x - state.x) / h
-        return MotionState(state.time + h, result.x, v, state.memory, result.corrections)
+        converged = None if result.outcome is Outcome.ITERATIONS else result.outcome is Outcome.CONVERGED
+        return MotionState(state.time + h, result.x, v, state.memory, result.corrections, converged)
 
     def potential(self, state: MotionState, h: float) -> IncrementalPotential:
         """The incremental potential of the step that follows a state."""

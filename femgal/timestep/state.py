@@ -23,6 +23,7 @@ class MotionState:
     x, v : Positions [m] and velocities [m/s], shape [n, 3].
     memory : Further arrays that the method carries from step to step, by name.
     corrections : Largest correction [m] that each layer made in the last step, finest first; a diagnosis, not state.
+    converged : Whether the last step met its tolerance; None where none was asked for.
     """
 
     time: float
@@ -30,6 +31,7 @@ class MotionState:
     v: Floats
     memory: dict[str, NDArray] = field(default_factory=dict)
     corrections: tuple[float, ...] = ()
+    converged: bool | None = None
 
 
 class Motion(Protocol):

@@ -78,10 +78,11 @@ class VelocityVerlet:
         omega2, mode = largest_frequency_squared(
             self.backend, state.x, state.memory["mode"], max_iterations=FOLLOW_ITERATIONS
         )
-        needed = duration * math.sqrt(omega2) / 2.0
+        # A motion that has run away gives huge frequencies, or none: that is no measure of the motion that should have
+        # been, so the substeps grow by steps.
+        needed = duration * math.sqrt(omega2) / 2.0 if math.isfinite(omega2) else math.inf
         if substeps < needed:
-            # What a motion that has run away says of its frequency is no measure of the motion that should have been.
-            return state, min(math.ceil(needed / self.safety), 4 * substeps)
+            return state, math.ceil(min(needed / self.safety, 4 * substeps))
         return replace(state, memory=state.memory | {"mode": mode, "omega2": np.array([omega2])}), None
 
     def step(self, state: MotionState, h: float) -> MotionState:

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from meshes.connectivity import component_labels
 from meshes.errors import MeshError
 from meshes.jit import kernel
 from meshes.stuffing.fill import INTERIOR, Filling
-from meshes.surface import boundary, component_labels, edge_table, pinched_vertices, triangle_components
+from meshes.surface import boundary, edge_table, pinched_vertices, triangle_components
 from meshes.types import Cells, TriMesh, signed_volumes
 
 _MOST_ROUNDS = 100  # each removes tetrahedra or splits vertices; real surfaces need 1 to 4

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from meshes.connectivity import component_labels
 from meshes.distance import SurfaceDistance, surface_distance
 from meshes.quality import Dihedrals, dihedrals
 from meshes.stuffing.repair import Repairs
 from meshes.stuffing.signs import Sample
 from meshes.stuffing.spacing import LAYER_DENSITY, surface_area, vertices_at
 from meshes.stuffing.thickness import ACCEPTED_LOSS, LOST_BELOW, share_below, sufficient_spacing
-from meshes.surface import boundary, component_labels
+from meshes.surface import boundary
 from meshes.types import Cells, Points, TetMesh, TriMesh
 
 

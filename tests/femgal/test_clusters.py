@@ -9,7 +9,6 @@
 6. More vertices per cluster than there are vertices gives one cluster per connected part.
 7. The same labels in every process.
 8. Clusters are compact: on a box their mean radius is at most 1.5 times that of a cube of as many vertices.
-9. vertex_to_cells lists the cells around each vertex.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from femgal.hierarchy.clusters import cluster_vertices, vertex_to_cells
+from femgal.hierarchy.clusters import cluster_vertices
 from meshes.generators import box
 from meshes.ordering import reorder
 from meshes.types import TetMesh
@@ -148,13 +147,6 @@ def test_same_in_every_process():
     other = subprocess.run([sys.executable, "-c", DIGEST], capture_output=True, text=True, check=True).stdout.strip()
     label, _ = cluster_vertices(CUBE.points, CUBE.cells, FREE, 32)
     assert hashlib.sha256(label.tobytes()).hexdigest() == other
-
-
-def test_vertex_to_cells():
-    mesh = distorted_box((3, 2, 2))
-    ptr, cells = vertex_to_cells(len(mesh.points), mesh.cells)
-    for v in range(len(mesh.points)):
-        np.testing.assert_array_equal(cells[ptr[v] : ptr[v + 1]], np.flatnonzero((mesh.cells == v).any(axis=1)))
 
 
 def test_all_constrained_but_one():

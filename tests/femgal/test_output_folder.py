@@ -3,7 +3,7 @@
 
 1. A new folder is made with its parents; an existing one with unrelated files is used; nothing is left behind in it.
 2. Refused: a file, a path through a file, a folder that cannot be written (asked as root too), an earlier run.
-3. Resuming needs a checkpoint, and makes no folder.
+3. Resuming needs a checkpoint, or a run that was killed before its first one; it makes no folder.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import subprocess
 
 import pytest
 
-from femgal.output.folder import prepare_output
+from femgal.output.folder import has_checkpoint, prepare_output
+from femgal.output.runlog import RunLog, read_log
 from meshes.errors import InputError
 
 
@@ -74,9 +75,22 @@ def test_resume(tmp_path):
     with pytest.raises(InputError, match="nothing to resume"):
         prepare_output(tmp_path / "none", resume=True)
     assert not (tmp_path / "none").exists()
-    (tmp_path / "run.json").write_text("{}")
-    with pytest.raises(InputError, match=r"run\.json") as caught:
+    with pytest.raises(InputError, match="nothing to resume"):
         prepare_output(tmp_path, resume=True)
-    assert "checkpoint.h5" in str(caught.value)
     (tmp_path / "checkpoint.h5").write_text("")
     assert prepare_output(tmp_path, resume=True) == tmp_path
+    assert has_checkpoint(tmp_path)
+
+
+@pytest.mark.parametrize("frames", [0, 1, 2])
+def test_resume_of_a_run_killed_before_its_first_checkpoint(tmp_path, frames):
+    log = RunLog.create(tmp_path, {})
+    for frame in range(frames):
+        log.append_frame({"frame": frame})
+    if frames <= 1:
+        assert prepare_output(tmp_path, resume=True) == tmp_path
+        assert not has_checkpoint(tmp_path)
+        return
+    with pytest.raises(InputError, match="2 frames without a checkpoint"):
+        prepare_output(tmp_path, resume=True)
+    assert len(read_log(tmp_path)["frames"]) == 2

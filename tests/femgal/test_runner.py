@@ -5,13 +5,14 @@
 2. Without a folder, nothing is written and the displacements are in the result.
 3. A run stopped at any frame and resumed ends bit for bit like one that was not stopped: every solver, both formats,
    with prescribed motion, and when the last frames after the checkpoint had been written already.
-4. The number of threads does not change a bit.
-5. A motion that runs away ends as a failed run: good frames kept, no NaN in any file, and the failure names frame,
+4. A run killed before its first checkpoint begins again when resumed.
+5. The number of threads does not change a bit.
+6. A motion that runs away ends as a failed run: good frames kept, no NaN in any file, and the failure names frame,
    layer and last energies; it can be resumed after.
-6. A run that loses its disk ends as a failed run with the frames before.
-7. Asked to stop, a run saves a checkpoint of the last frame and says so in the log.
-8. A checkpoint of another scene is refused, and the folder stays as it was.
-9. Every built-in scene runs, and stays within what physics allows it.
+7. A run that loses its disk ends as a failed run with the frames before.
+8. Asked to stop, a run saves a checkpoint of the last frame and says so in the log.
+9. A checkpoint of another scene is refused, and the folder stays as it was.
+10. Every built-in scene runs, and stays within what physics allows it.
 """
 
 from __future__ import annotations
@@ -72,6 +73,12 @@ def test_vtk_reads_every_step(tmp_path):
         moved = vtk_to_numpy(grid.GetPointData().GetArray("displacement"))
         np.testing.assert_allclose(moved, written.displacement(step), atol=0)
         assert grid.GetNumberOfCells() == len(written.cells)
+
+
+@pytest.mark.parametrize(("tolerance", "missed"), [("1e-3", 0), ("1e-15", 10)])
+def test_substeps_that_miss_the_tolerance_are_counted(tolerance, missed):
+    lines = f"substeps = 10\niterations = 3\ntolerance = {tolerance}"
+    assert [row["unconverged"] for row in run(hanging_beam(frames=2, solver_lines=lines)).rows] == [0, missed, missed]
 
 
 def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
@@ -144,6 +151,21 @@ def test_frames_after_the_checkpoint_are_computed_again(tmp_path):
     np.testing.assert_array_equal(resumed.state.x, whole.state.x)
     assert len(read_run(tmp_path / "parts").times) == 8
     assert [row["frame"] for row in log_of(tmp_path / "parts")["frames"]] == list(range(8))
+
+
+@pytest.mark.parametrize("file_format", ["vtkhdf", "vtu"])
+def test_a_run_killed_before_its_first_checkpoint_begins_again(tmp_path, monkeypatch, file_format):
+    def killed(*args):
+        raise KeyError("killed")
+
+    scene = hanging_beam(frames=2, format=file_format)
+    monkeypatch.setattr("femgal.runner.save_checkpoint", killed)
+    with pytest.raises(KeyError):
+        run(scene, tmp_path / "out")
+    assert len(log_of(tmp_path / "out")["frames"]) == 1
+    monkeypatch.undo()
+    assert run(scene, tmp_path / "out", resume=True).status == "finished"
+    assert len(read_run(tmp_path / "out").times) == len(log_of(tmp_path / "out")["frames"]) == 3
 
 
 @pytest.mark.parametrize("solver", ["fas", "verlet"])

@@ -108,8 +108,6 @@ raise SystemExit(os.waitpid(child, 0)[1])
 """
 
 
-# Until fixed, or until the module no longer says that there is no fork trap: the child has none of the pool's threads.
-@pytest.mark.xfail(reason="the child waits for threads that only the parent has")
 def test_forked_child():
     assert subprocess.run([sys.executable, "-c", FORKED], check=False).returncode == 0
 

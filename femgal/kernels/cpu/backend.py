@@ -141,7 +141,7 @@ class CpuBackend:
         """Von Mises norm of the Cauchy stress of each tetrahedron [Pa], shape [m]."""
         disc, out = self.disc, np.empty(self.disc.n_tets)
         cells, B = disc.mesh.cells, disc.B
-        self.workers.run(elements.von_mises_stresses, disc.n_tets, x, cells, B, disc.mu, disc.lam, out)
+        self.workers.run(elements.von_mises_stresses, disc.n_tets, x, cells, B, disc.mu, out)
         return out
 
     def _gather(self) -> Floats:

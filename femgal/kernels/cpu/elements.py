@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.materials.stable_neo_hookean import energy_along, energy_density, stress, stress_increment
-from femgal.materials.tensor import Tensor, cofactor, combine, determinant, like, multiply
+from femgal.materials.tensor import Tensor, cofactor, determinant, like, multiply
 from meshes.jit import kernel, scalar
 
 Floats = NDArray[np.float64]
@@ -149,23 +149,20 @@ def energies_along(
 
 
 @scalar
-def von_mises(F: Tensor, mu: Any, lam: Any) -> Any:
-    """Von Mises norm of the Cauchy stress sigma = P F^T / J; infinite where the element has no volume."""
-    C = cofactor(F)
-    J = determinant(F, C)
-    # C F^T = J I, so sigma = mu F F^T / J + c I: only the first term has a deviator.
-    Ft = (F[0], F[3], F[6], F[1], F[4], F[7], F[2], F[5], F[8])
-    s = multiply(F, Ft)
-    s = combine(mu / J, s, like(mu, 0), s)
+def von_mises(F: Tensor, mu: Any) -> Any:
+    """Von Mises norm of the Cauchy stress sigma = P F^T / J; infinite where the element has no volume.
+
+    C F^T = J I, so sigma = mu F F^T / J + c I, and only the first term has a deviator.
+    """
+    s = multiply(F, (F[0], F[3], F[6], F[1], F[4], F[7], F[2], F[5], F[8]))
     a, b, c = s[0] - s[4], s[4] - s[8], s[8] - s[0]
     shear = s[1] * s[1] + s[2] * s[2] + s[5] * s[5]
-    return np.sqrt(like(mu, 0.5) * (a * a + b * b + c * c) + like(mu, 3) * shear)
+    norm = np.sqrt(like(mu, 0.5) * (a * a + b * b + c * c) + like(mu, 3) * shear)
+    return abs(mu / determinant(F, cofactor(F))) * norm
 
 
 @kernel
-def von_mises_stresses(
-    start: int, stop: int, x: Floats, tets: Ints, B: Floats, mu: Floats, lam: Floats, out: Floats
-) -> None:
+def von_mises_stresses(start: int, stop: int, x: Floats, tets: Ints, B: Floats, mu: Floats, out: Floats) -> None:
     """Von Mises Cauchy stress [Pa] of each element."""
     for e in range(start, stop):
-        out[e] = von_mises(deformation_gradient(x, tets, B, e), mu[e], lam[e])
+        out[e] = von_mises(deformation_gradient(x, tets, B, e), mu[e])

@@ -27,7 +27,8 @@ class Workers:
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads or len(os.sched_getaffinity(0))
-        self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
+        self._pool: ThreadPoolExecutor | None = None
+        self._pool_of = 0
 
     def run(self, kernel: Callable[..., None], rows: int, *arguments: object) -> None:
         """Call the kernel over rows 0 to rows - 1, shared out evenly, and wait for all ranges."""
@@ -42,9 +43,12 @@ class Workers:
         self._run(kernel, [0, *inner, len(ptr) - 1], arguments)
 
     def _run(self, kernel: Callable[..., None], bounds: list[int], arguments: tuple[object, ...]) -> None:
-        if self._pool is None or len(bounds) == 2:
-            kernel(bounds[0], bounds[-1], *arguments)
+        if len(bounds) == 2:
+            kernel(bounds[0], bounds[1], *arguments)
             return
+        if self._pool is None or self._pool_of != os.getpid():
+            # A forked child has its parent's pool but none of its threads.
+            self._pool, self._pool_of = ThreadPoolExecutor(self.threads - 1), os.getpid()
         futures = [self._pool.submit(kernel, start, stop, *arguments) for start, stop in pairwise(bounds[1:])]
         kernel(bounds[0], bounds[1], *arguments)
         for future in futures:

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Which cells meet at a vertex, and which vertices hang together."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshes.jit import kernel
+
+Indices = NDArray[np.int32]
+
+
+@kernel
+def vertex_cells(cells: Indices, n_vertices: int) -> tuple[NDArray[np.int64], Indices]:
+    """Cells around each vertex in compressed rows: those of vertex v are cell[start[v]:start[v+1]], ascending."""
+    start = np.zeros(n_vertices + 1, np.int64)
+    for e in range(cells.shape[0]):
+        for k in range(cells.shape[1]):
+            start[cells[e, k] + 1] += 1
+    for v in range(n_vertices):
+        start[v + 1] += start[v]
+    cell = np.empty(start[n_vertices], np.int32)
+    cursor = start[:-1].copy()
+    for e in range(cells.shape[0]):
+        for k in range(cells.shape[1]):
+            v = cells[e, k]
+            cell[cursor[v]] = e
+            cursor[v] += 1
+    return start, cell
+
+
+def component_labels(cells: Indices, group: Indices | None = None) -> Indices:
+    """Lowest vertex of the component that each vertex belongs to.
+
+    Parameters
+    ----------
+    cells : Vertex indices, any number per cell, shape [n_cells, k].
+    group : Vertices hang together only within their group, shape [n_vertices]; those of a negative group with none.
+        None puts all in one group.
+
+    Returns
+    -------
+    Label of each vertex, shape [n_vertices], or [max index + 1] without groups.
+    """
+    if group is None:
+        group = np.zeros(int(cells.max()) + 1, np.int32)
+    return _component_labels(cells, group)
+
+
+@kernel
+def _component_labels(cells: Indices, group: Indices) -> Indices:
+    n_vertices = len(group)
+    parent = np.arange(n_vertices).astype(np.int32)
+    for e in range(cells.shape[0]):
+        for i in range(1, cells.shape[1]):
+            for j in range(i):
+                a, b = cells[e, i], cells[e, j]
+                if group[a] != group[b] or group[a] < 0:
+                    continue
+                while parent[a] != a:
+                    parent[a] = parent[parent[a]]
+                    a = parent[a]
+                while parent[b] != b:
+                    parent[b] = parent[parent[b]]
+                    b = parent[b]
+                parent[max(a, b)] = min(a, b)
+    # A parent is never above its child, so one ascending sweep leads every vertex to its root.
+    for v in range(n_vertices):
+        parent[v] = parent[parent[v]]
+    return parent
