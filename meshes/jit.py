@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The two decorators behind every compiled function, and where their machine code is cached.
 
-Numba keys its cache by the source of the decorated function's own file only, so editing a helper in another file
-would silently run yesterday's code. Here the cache folder carries a hash of every source file of the package that
-holds compiled functions: edit one and all are compiled anew.
+Numba keys its cache by the source of the decorated function's own file only, so editing a helper in another file, or
+a constant that is compiled in, would silently run yesterday's code. Here the cache folder carries a hash of every
+source file that lies in one folder with compiled functions, of the function's package and of this one: edit one and
+all are compiled anew. So what a compiled function takes from other files must lie in such a folder.
 """
 
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -17,6 +17,8 @@ from typing import Any, TypeVar
 
 import numba
 from numba.core import config as _config
+
+from meshes.cache import kernel_folder
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -44,14 +46,6 @@ def scalar(function: Function) -> Function:
     return numba.njit(forceinline=True, **_OPTIONS)(function)
 
 
-def cache_root() -> Path:
-    """Folder that holds femgal's caches: $FEMGAL_CACHE_DIR, else the user's cache folder."""
-    chosen = os.environ.get("FEMGAL_CACHE_DIR")
-    if chosen:
-        return Path(chosen).expanduser()
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "femgal"
-
-
 def _package_of(function: Callable[..., Any]) -> Path:
     depth = function.__module__.count(".")
     return Path(function.__code__.co_filename).resolve().parents[max(depth - 1, 0)]
@@ -60,10 +54,17 @@ def _package_of(function: Callable[..., Any]) -> Path:
 @cache
 def _cache_folder(package: Path) -> Path:
     # Both packages count: femgal's kernels may inline functions of meshes.
+    return kernel_folder(_source_digest({package, Path(__file__).resolve().parent}))
+
+
+def _source_digest(packages: set[Path]) -> str:
+    """Hash of the names and contents of all sources in the folders of compiled functions, 16 hexadecimal digits."""
     digest = hashlib.sha256()
-    for root in sorted({package, Path(__file__).resolve().parent}):
-        for source in sorted(root.rglob("*.py")):
-            text = source.read_bytes()
-            if b"meshes.jit" in text:
+    for package in sorted(packages):
+        sources = {source: source.read_bytes() for source in sorted(package.rglob("*.py"))}
+        folders = {source.parent for source, text in sources.items() if b"meshes.jit" in text}
+        for source, text in sources.items():
+            if source.parent in folders:
+                digest.update(f"{source.relative_to(package)} {len(text)}\n".encode())
                 digest.update(text)
-    return cache_root() / "kernels" / digest.hexdigest()[:16]
+    return digest.hexdigest()[:16]

@@ -14,7 +14,6 @@ from meshes.errors import InputError
 from meshes.io.source import readable
 from meshes.io.surfaces import SURFACE_SUFFIXES, read_surface, surface_of
 from meshes.io.tets import read_raw, tets_of
-from meshes.ordering import reorder
 from meshes.types import Origin, TetMesh, TriMesh
 
 AnyMesh = TypeVar("AnyMesh", TetMesh, TriMesh)
@@ -57,6 +56,8 @@ def make_tets(name_or_path: str | os.PathLike[str], vertices: int | None = None)
     InputError
         ``vertices`` out of range, or given for a tetrahedral file.
     """
+    from meshes.ordering import reorder  # here: who only looks at files needs no compiler
+
     entry = resolve(name_or_path)
     if vertices is not None and not _SMALLEST <= vertices <= _LARGEST:
         raise InputError(

@@ -16,8 +16,8 @@ from typing import Any, BinaryIO
 from urllib.parse import urlsplit
 from urllib.request import urlopen
 
+from meshes.cache import cache_root
 from meshes.errors import InputError, MeshError
-from meshes.jit import cache_root
 
 _REGISTRY = Path(__file__).with_name("registry.json")
 _TIMEOUT = 60.0
