@@ -15,8 +15,8 @@ import click
 def command(name: str | None, as_json: bool) -> None:
     """List the built-in scenes.
 
-    Every scene runs at any vertex count: `femgal solve SCENE --vertices N` gives N to every body. To make your own,
-    save one with `femgal scenes --show NAME > my.toml`, change it, and run `femgal solve my.toml`.
+    Every scene runs at any vertex count: `femgal run SCENE --vertices N` gives N to every body. To make your own,
+    save one with `femgal scenes --show NAME > my.toml`, change it, and run `femgal run my.toml`.
     """
     if name is not None and as_json:
         raise click.UsageError("--show prints a TOML file; leave --json out")
