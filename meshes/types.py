@@ -49,16 +49,20 @@ class _Mesh:
 
     def __post_init__(self) -> None:
         where = self.origin.source if self.origin.source != "procedural" else self.origin.name
-        object.__setattr__(self, "points", _float_points(self.points, where))
-        object.__setattr__(self, "cells", _index_cells(self.cells, len(self.points), self._width, self._cell, where))
+        object.__setattr__(self, "points", checked_points(self.points, where))
+        object.__setattr__(self, "cells", checked_cells(self.cells, len(self.points), self._width, self._cell, where))
         _refuse_unused(self.cells, len(self.points), where)
 
     @property
     def content_hash(self) -> str:
-        """SHA-256 over points and cells: two meshes with one hash are the same mesh."""
-        digest = hashlib.sha256(self.points.tobytes())
-        digest.update(self.cells.astype(np.int64).tobytes())
+        """SHA-256 over all arrays: two meshes with one hash are the same mesh, whatever their origin."""
+        digest = hashlib.sha256()
+        for array in self._arrays():
+            digest.update(array.tobytes())
         return digest.hexdigest()
+
+    def _arrays(self) -> tuple[NDArray, ...]:
+        return self.points, self.cells.astype(np.int64)
 
     def moved(self, points: ArrayLike) -> Self:
         """Return the same mesh at other vertex positions [m], shape [n_vertices, 3]."""
@@ -103,7 +107,8 @@ class TetMesh(_Mesh):
     Raises
     ------
     MeshError
-        Empty, wrong shape, NaN, index out of range, unused vertices, zero or negative volume.
+        Empty, wrong shape, NaN, index out of range, unused vertices, region ids that are not one int32 per
+        tetrahedron, zero or negative volume.
     """
 
     regions: NDArray[np.int32] = None  # type: ignore[assignment]
@@ -114,12 +119,8 @@ class TetMesh(_Mesh):
     def __post_init__(self) -> None:
         super().__post_init__()
         where = self.origin.source if self.origin.source != "procedural" else self.origin.name
-        regions = np.zeros(len(self.cells), np.int32) if self.regions is None else np.asarray(self.regions)
-        if regions.shape != (len(self.cells),):
-            raise MeshError(
-                "region ids do not match the cells", where=where, found=regions.shape, allowed=(len(self.cells),)
-            )
-        object.__setattr__(self, "regions", np.ascontiguousarray(regions, np.int32))
+        regions = np.zeros(len(self.cells), np.int32) if self.regions is None else self.regions
+        object.__setattr__(self, "regions", checked_regions(regions, len(self.cells), where))
         volumes = signed_volumes(self.points, self.cells)
         bad = np.flatnonzero(volumes <= 0.0)
         if len(bad):
@@ -130,6 +131,9 @@ class TetMesh(_Mesh):
                 allowed="volume > 0, (b-a) x (c-a) . (d-a) > 0",
                 advice="repair the winding or remove the degenerate cells",
             )
+
+    def _arrays(self) -> tuple[NDArray, ...]:
+        return *super()._arrays(), self.regions
 
     @property
     def volumes(self) -> NDArray[np.float64]:
@@ -157,37 +161,91 @@ def _triple_product(b: NDArray, c: NDArray, d: NDArray) -> NDArray[np.float64]:
     return (b[1] * c[2] - b[2] * c[1]) * d[0] + (b[2] * c[0] - b[0] * c[2]) * d[1] + (b[0] * c[1] - b[1] * c[0]) * d[2]
 
 
-def _float_points(points: ArrayLike, where: str) -> Points:
-    array = np.ascontiguousarray(points, np.float64)
+def checked_points(points: ArrayLike, where: str) -> Points:
+    """Return finite positions in space, shape [n_vertices, 3], float64.
+
+    Raises
+    ------
+    MeshError
+        Not numbers, no points, another number of coordinates, NaN or infinity.
+    """
+    array = _numbers(points, "vertex positions", where)
     if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0:
-        raise MeshError("vertex positions have the wrong shape", where=where, found=array.shape, allowed="(n > 0, 3)")
+        found = f"{len(array)} points of {array.shape[1]} coordinates" if array.ndim == 2 else f"shape {array.shape}"
+        allowed = "1 point or more, of 3 coordinates"
+        raise MeshError("the vertices are not points in space", where=where, found=found, allowed=allowed)
+    array = np.ascontiguousarray(array, np.float64)
     bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
     if len(bad):
         raise MeshError(
             f"{len(bad)} vertex positions are not finite",
             where=where,
-            found=f"{array[bad[0]]} at vertex {bad[0]}",
+            found=f"{array[bad[0]].tolist()} at vertex {bad[0]}",
             allowed="finite numbers [m]",
         )
     return array
 
 
-def _index_cells(cells: ArrayLike, n_points: int, width: int, cell: str, where: str) -> Cells:
-    array = np.asarray(cells)
+def checked_cells(cells: ArrayLike, n_points: int, width: int, cell: str, where: str) -> Cells:
+    """Return vertex indices within 0 to ``n_points - 1``, shape [n_cells, width], int32.
+
+    Raises
+    ------
+    MeshError
+        Not integers, no cells, another number of vertices per cell, or an index out of range; the message shows the
+        first such cell.
+    """
+    array = _numbers(cells, f"{cell} indices", where)
     if array.ndim != 2 or array.shape[1] != width or len(array) == 0:
         raise MeshError(f"no usable {cell} list", where=where, found=array.shape, allowed=f"(n > 0, {width})")
-    if not np.issubdtype(array.dtype, np.integer):
+    if array.dtype.kind not in "iu":
         raise MeshError(f"{cell} indices are not integers", where=where, found=array.dtype, allowed="int32 or int64")
-    low, high = int(array.min()), int(array.max())
-    if low < 0 or high >= n_points:
-        row = int(np.flatnonzero((array < 0).any(axis=1) | (array >= n_points).any(axis=1))[0])
+    if int(array.min()) < 0 or int(array.max()) >= n_points:
+        rows = np.flatnonzero((array < 0).any(axis=1) | (array >= n_points).any(axis=1))
         raise MeshError(
-            f"{cell} {row} refers to a vertex that does not exist",
+            f"{cell} {rows[0]} refers to a vertex that does not exist ({len(rows)} such)",
             where=where,
-            found=array[row].tolist(),
+            found=array[rows[0]].tolist(),
             allowed=f"indices 0 to {n_points - 1}",
         )
     return np.ascontiguousarray(array, np.int32)
+
+
+def checked_regions(regions: ArrayLike, n_cells: int, where: str) -> NDArray[np.int32]:
+    """Return one whole number per cell, shape [n_cells], int32; 2.0 counts as whole, 2.5 is refused.
+
+    Raises
+    ------
+    MeshError
+        Another shape, or values that int32 cannot hold exactly.
+    """
+    array = _numbers(regions, "region ids", where)
+    if array.shape != (n_cells,):
+        raise MeshError("region ids do not match the cells", where=where, found=array.shape, allowed=(n_cells,))
+    with np.errstate(invalid="ignore"):  # NaN and what is out of range differ from what they become
+        whole = array.astype(np.int32)
+    bad = np.flatnonzero(whole != array)
+    if len(bad):
+        raise MeshError(
+            f"{len(bad)} region ids are not whole numbers of 32 bits",
+            where=where,
+            found=f"{array[bad[0]]} in cell {bad[0]}",
+            allowed=f"integers, -{2**31} to {2**31 - 1}",
+        )
+    return np.ascontiguousarray(whole)
+
+
+def _numbers(values: ArrayLike, what: str, where: str) -> NDArray:
+    """Array of real numbers; lists of unequal length, text and complex numbers are refused."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise MeshError(
+            f"{what} are not a table", where=where, found=str(error), allowed="rows of one length"
+        ) from error
+    if array.dtype.kind not in "biuf":
+        raise MeshError(f"{what} are not numbers", where=where, found=array.dtype, allowed="real numbers")
+    return array
 
 
 def _refuse_unused(cells: Cells, n_points: int, where: str) -> None:

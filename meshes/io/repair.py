@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""From the unchecked arrays of a file to arrays that a mesh type accepts, with a message for every change."""
+"""What can be repaired in the checked arrays of a file, with a message for every change."""
 
 from __future__ import annotations
 
@@ -11,49 +11,6 @@ from meshes.types import Cells, Points, signed_volumes
 
 # Six volumes over the cube of the longest edge: below this the four points lie in one plane up to rounding.
 FLAT = 1e-12
-
-
-def checked_points(points: NDArray, where: str) -> Points:
-    """Return finite three-dimensional positions, shape [n_vertices, 3].
-
-    Raises
-    ------
-    MeshError
-        No points, two-dimensional points, NaN or infinity.
-    """
-    points = np.asarray(points)
-    if points.ndim != 2 or points.shape[1] != 3:
-        found = f"{points.shape[1]} coordinates" if points.ndim == 2 else f"shape {points.shape}"
-        raise MeshError("the vertices are not points in space", where=where, found=found, allowed="3 coordinates")
-    points = points.astype(np.float64)
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if len(bad):
-        raise MeshError(
-            f"{len(bad)} vertex positions are not finite",
-            where=where,
-            found=f"{points[bad[0]].tolist()} at vertex {bad[0]}",
-            allowed="finite numbers",
-        )
-    return points
-
-
-def checked_cells(cells: NDArray, n_points: int, kind: str, where: str) -> Cells:
-    """Return vertex indices within range as int32, shape [n_cells, width].
-
-    Raises
-    ------
-    MeshError
-        An index outside 0 to ``n_points - 1``; the message shows the first such cell.
-    """
-    bad = np.flatnonzero(((cells < 0) | (cells >= n_points)).any(axis=1))
-    if len(bad):
-        raise MeshError(
-            f"{kind} {bad[0]} refers to a vertex that does not exist ({len(bad)} such)",
-            where=where,
-            found=cells[bad[0]].tolist(),
-            allowed=f"indices 0 to {n_points - 1}" if n_points else "vertices, and there are none",
-        )
-    return np.ascontiguousarray(cells, np.int32)
 
 
 def drop_unused(points: Points, cells: Cells) -> tuple[Points, Cells, list[str]]:

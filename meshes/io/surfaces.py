@@ -14,10 +14,10 @@ from meshes.io.meshio_reader import FORMATS, read_with_meshio
 from meshes.io.obj import read_obj, write_obj
 from meshes.io.ply import read_ply, write_ply
 from meshes.io.raw import RawMesh
-from meshes.io.repair import checked_cells, checked_points, drop_unused
+from meshes.io.repair import drop_unused
 from meshes.io.source import file_origin, readable, writable
 from meshes.io.stl import read_stl, write_stl
-from meshes.types import TriMesh
+from meshes.types import TriMesh, checked_cells, checked_points
 
 _READERS = {".ply": read_ply, ".obj": read_obj, ".stl": read_stl}
 _WRITERS = {".ply": write_ply, ".obj": write_obj, ".stl": write_stl}
@@ -61,7 +61,7 @@ def surface_of(raw: RawMesh, path: Path) -> TriMesh:
     if others or len(triangles) == 0:
         raise MeshError("holds no surface", where=where, found=raw.summary(), allowed="triangles, quads or polygons")
     points = checked_points(raw.points, where)
-    cells = checked_cells(triangles, len(points), "triangle", where)
+    cells = checked_cells(triangles, len(points), 3, "triangle", where)
     points, cells, dropped = drop_unused(points, cells)
     for message in raw.messages + dropped:
         logging.getLogger("meshes").info("%s: %s", where, message)

@@ -14,9 +14,9 @@ from meshes.errors import InputError, MeshError
 from meshes.io.gaia import read_t, write_t
 from meshes.io.meshio_reader import FORMATS, read_with_meshio
 from meshes.io.raw import RawMesh
-from meshes.io.repair import checked_cells, checked_points, drop_unused, repair_winding
+from meshes.io.repair import drop_unused, repair_winding
 from meshes.io.source import file_origin, readable, writable
-from meshes.types import TetMesh
+from meshes.types import TetMesh, checked_cells, checked_points, checked_regions
 
 # Names under which formats and programs keep the material or part of a cell, the most explicit first.
 REGION_NAMES = (
@@ -92,7 +92,7 @@ def tets_of(raw: RawMesh, path: Path) -> tuple[TetMesh, list[str]]:
         messages.append("ignored " + ", ".join(f"{number} {kind}" for kind, number in beside.items()) + " cells")
     regions = _regions(raw, where, messages)
     points = checked_points(raw.points, where)
-    cells = checked_cells(raw.cells("tetra", 4), len(points), "tetrahedron", where)
+    cells = checked_cells(raw.cells("tetra", 4), len(points), 4, "tetrahedron", where)
     points, cells, dropped = drop_unused(points, cells)
     cells, turned = repair_winding(points, cells, where)
     mesh = TetMesh(points, cells, file_origin(path), regions)
@@ -169,17 +169,11 @@ def _refuse_other_cells(raw: RawMesh, where: str) -> None:
 
 def _regions(raw: RawMesh, where: str, messages: list[str]) -> NDArray[np.int32]:
     name = next((name for name in REGION_NAMES if name in raw.data), None)
+    n_tets = raw.counts()["tetra"]
     if name is None:
-        return np.zeros(raw.counts()["tetra"], np.int32)
-    values = raw.cell_data(name, "tetra")
-    if values.ndim != 1 or not np.array_equal(values, values.astype(np.int32)):
-        raise MeshError(
-            f"the region data '{name}' are not one whole number per cell",
-            where=where,
-            found=f"shape {values.shape}, type {values.dtype}",
-            allowed="one int32 per tetrahedron",
-        )
-    ids = np.unique(values).astype(int).tolist()
+        return np.zeros(n_tets, np.int32)
+    regions = checked_regions(raw.cell_data(name, "tetra"), n_tets, f"{where}, region data '{name}'")
+    ids = np.unique(regions).tolist()
     shown = ", ".join(map(str, ids[:8])) + (" ..." if len(ids) > 8 else "")
     messages.append(f"regions from '{name}': {len(ids)} ({shown})")
-    return values.astype(np.int32)
+    return regions
