@@ -20,6 +20,9 @@ Floats = NDArray[np.float64]
 # matter of discretisation.
 RUNAWAY_FACTOR = 10.0
 
+# Times within a frame at which prescribed vertices are looked at.
+SAMPLES = 4
+
 
 @dataclass(frozen=True)
 class Energies:
@@ -68,13 +71,15 @@ class EnergyGuard:
 
     The bound is the first total energy plus RUNAWAY_FACTOR times a scale: what the body had at the start, what gravity
     gives it over its own height, and what its prescribed vertices may have put in. The last is bounded frame by frame
-    by the elastic energy that moving them alone, and nothing else, would store.
+    by the elastic energy that moving them alone, and nothing else, would store; a path that goes out and back between
+    two of the SAMPLES in a frame is not seen.
     """
 
     def __init__(self, backend: CpuBackend, gravity: Floats, motions: Sequence[Motion]) -> None:
         self._backend, self._gravity = backend, gravity
         self._moving = [motion for motion in motions if not motion.is_fixed]
         self.injected = 0.0
+        self._pending = 0.0
         self.start: Energies | None = None
         self.last: Energies | None = None
 
@@ -92,16 +97,26 @@ class EnergyGuard:
         self.start = Energies(**memory["start"])
 
     def allow_for_motion(self, state: MotionState, duration: float) -> None:
-        """Add what the prescribed vertices may put in over the next frame; costs nothing when none moves."""
+        """Allow for what the prescribed vertices may put in over the next frame; costs nothing when none moves."""
         if not self._moving:
             return
-        before, _ = self._backend.energies(state.x)
-        x = state.x.copy()
-        place(self._moving, state.time + duration, x)
-        after, _ = self._backend.energies(x)
+        before = float(self._backend.energies(state.x)[0].sum())
         mass = self._backend.disc.mass[:, None]
-        dragged = 0.5 * float((mass * (x - state.x) ** 2).sum()) / duration**2
-        self.injected += max(0.0, float(after.sum() - before.sum())) + dragged
+        most = 0.0
+        x = state.x.copy()
+        for sample in range(1, SAMPLES + 1):
+            share = duration * sample / SAMPLES
+            place(self._moving, state.time + share, x)
+            stored = float(self._backend.energies(x)[0].sum()) - before
+            dragged = 0.5 * float((mass * (x - state.x) ** 2).sum()) / share**2
+            most = max(most, stored + dragged)
+        self._pending = most
+
+    def accept(self, energies: Energies) -> None:
+        """A frame is good: what was allowed for it counts from now on."""
+        self.injected += self._pending
+        self._pending = 0.0
+        self.last = energies
 
     def limit(self) -> float:
         """Largest total energy [J] that is still believed."""
@@ -109,7 +124,7 @@ class EnergyGuard:
         disc = self._backend.disc
         height = float(np.ptp(disc.mesh.points, axis=0).max())
         falling = float(disc.mass.sum()) * float(np.linalg.norm(self._gravity)) * height
-        scale = self.start.kinetic + self.start.elastic + falling + self.injected
+        scale = self.start.kinetic + self.start.elastic + falling + self.injected + self._pending
         # A body at rest without load has no scale of its own; its stiffness at one part in a million has.
         scale += 1e-12 * float(disc.Vmu.sum())
         return self.start.total + RUNAWAY_FACTOR * scale

@@ -25,6 +25,7 @@ from femgal.scene.load import load_scene
 from femgal.scene.model import Scene
 from femgal.simulation import Frame, Simulation, Stopped
 from femgal.timestep.state import MotionState
+from meshes.errors import InputError
 
 Floats = NDArray[np.float64]
 Status = Literal["finished", "interrupted", "failed"]
@@ -54,7 +55,7 @@ class RunResult:
     ----------
     status : "finished", "interrupted" (by the user, with a checkpoint), or "failed" (good frames kept).
     simulation : The scene as it was run.
-    state : State at the last good frame.
+    state : State at the last good frame; None when there was none.
     rows : One dict per frame computed in this call, as in run.json.
     displacements : x - X [m] per frame computed in this call, each of shape [n, 3]; only kept when nothing is written.
     out : Output folder, None when nothing was written.
@@ -99,7 +100,7 @@ def run(
     folder = prepare_output(Path(out), resume=resume)
     try:
         simulation = Simulation.prepare(scene, progress.announce)
-        point = _Point.load(folder, simulation.fingerprint) if resume and has_checkpoint(folder) else None
+        point = _Point.load(folder, simulation) if resume and has_checkpoint(folder) else None
         recorder = _Recorder(folder, simulation, point)
     except ValueError:
         if not existed:
@@ -118,15 +119,35 @@ class _Point:
     guard: dict[str, Any]
 
     @classmethod
-    def load(cls, folder: Path, fingerprint: str) -> _Point:
-        arrays, meta = load_checkpoint(folder, fingerprint=fingerprint)
+    def load(cls, folder: Path, simulation: Simulation) -> _Point:
+        arrays, meta = load_checkpoint(folder, fingerprint=simulation.fingerprint)
+        wanted = _series_settings(simulation)
+        if meta["series"] != wanted:
+            raise InputError(
+                "the series was begun with other output settings",
+                where=str(folder),
+                found=", ".join(f"{key} = {value}" for key, value in wanted.items() if meta["series"][key] != value),
+                allowed=", ".join(f"{key} = {value}" for key, value in meta["series"].items()),
+                advice="resume with the settings it was begun with, or choose another --out",
+            )
         memory = {name.removeprefix("memory/"): a for name, a in arrays.items() if name.startswith("memory/")}
         return cls(meta["frame"], MotionState(meta["time"], arrays["x"], arrays["v"], memory), meta["guard"])
 
-    def save(self, folder: Path, fingerprint: str) -> None:
+    def save(self, folder: Path, simulation: Simulation) -> None:
         memory = {f"memory/{name}": array for name, array in self.state.memory.items()}
-        meta = {"fingerprint": fingerprint, "frame": self.frame, "time": self.state.time, "guard": self.guard}
+        meta = {
+            "fingerprint": simulation.fingerprint,
+            "series": _series_settings(simulation),
+            "frame": self.frame,
+            "time": self.state.time,
+            "guard": self.guard,
+        }
         save_checkpoint(folder, {"x": self.state.x, "v": self.state.v, **memory}, meta)
+
+
+def _series_settings(simulation: Simulation) -> dict[str, Any]:
+    """What must stay the same for frames to be added to a series."""
+    return simulation.scene.output.model_dump(mode="json", include={"format", "every", "fields"})
 
 
 class _Recorder:
@@ -139,8 +160,6 @@ class _Recorder:
         kept = None if point is None else point.frame + 1
         if kept is None:
             self.log = RunLog.create(folder, _header(simulation))
-        else:
-            self.log = RunLog.resume(folder, kept)
         static_point, static_cell = simulation.static_fields()
         self._series: SeriesWriter = open_series(
             folder,
@@ -150,6 +169,9 @@ class _Recorder:
             static_point_data=static_point,
             resume_frames=None if kept is None else 1 + (kept - 1) // self._every,
         )
+        # Last, so that a series which cannot be resumed leaves the log as it is.
+        if kept is not None:
+            self.log = RunLog.resume(folder, kept)
 
     def record(self, frame: Frame) -> None:
         """Write a frame: the series first, so that the log never promises a frame that is not there."""
@@ -168,18 +190,17 @@ class _Recorder:
     def checkpoint(self, frame: Frame) -> None:
         """Save the state of a frame that has been recorded, unless that has been done."""
         if frame.index != self._saved:
-            guard = self._simulation.guard.memory()
-            _Point(frame.index, frame.state, guard).save(self.folder, self._simulation.fingerprint)
+            _Point(frame.index, frame.state, frame.guard).save(self.folder, self._simulation)
             self._saved = frame.index
 
-    def finish(self, status: Status, failure: SolverFailure | OSError | None) -> None:
+    def finish(self, status: Status, failure: BaseException | None) -> None:
         """Close the series and the log."""
         self._series.close()
         extra: dict[str, Any] = {}
         if isinstance(failure, SolverFailure):
             extra["failure"] = failure.as_dict()
         elif failure is not None:
-            extra["failure"] = {"what": str(failure)}
+            extra["failure"] = {"what": f"{type(failure).__name__}: {failure}"}
         self.log.finish(status, **extra)
 
 
@@ -190,27 +211,30 @@ class _Run:
         self._simulation, self._progress, self._recorder = simulation, progress, recorder
         self._result = RunResult("finished", simulation, out=recorder.folder if recorder else None)
         self._stop = False
+        self._last: Frame | None = None
 
     def go(self, point: _Point | None) -> RunResult:
         """Solve all frames, and end well whatever happens."""
-        self._progress.announce("compiling kernels (first run only) and estimating spectra")
-        self._simulation.compile()
-        self._progress.start(self._simulation, point.frame + 1 if point else 0)
         resume = (point.frame, point.state, point.guard) if point else None
-        last: Frame | None = None
+        self._result.state = point.state if point else None
         with _signals(self._ask_to_stop):
             try:
+                self._progress.announce("compiling kernels (first run only) and estimating spectra")
+                self._simulation.compile(point.state if point else None)
+                self._progress.start(self._simulation, point.frame + 1 if point else 0)
                 for frame in self._simulation.frames(resume, self._on_substep):
                     self._keep(frame)
-                    last = frame
-                    if self._stop:
+                    if self._stop and frame.index < self._simulation.scene.frames:
                         raise Stopped
             except Stopped:
-                self._end("interrupted", last)
+                self._end("interrupted")
             except (SolverFailure, OSError) as failure:
-                self._end("failed", last, failure)
+                self._end("failed", failure)
+            except BaseException as error:
+                self._end("failed", error)
+                raise
             else:
-                self._end("finished", last)
+                self._end("finished")
         return self._result
 
     def _keep(self, frame: Frame) -> None:
@@ -218,24 +242,26 @@ class _Run:
             self._recorder.record(frame)
         else:
             self._result.displacements.append(frame.state.x - self._simulation.world.mesh.points)
+        self._last = frame
         self._result.rows.append(frame.row)
         self._result.state = frame.state
         self._progress.frame(frame.row)
 
-    def _end(self, status: Status, last: Frame | None, failure: SolverFailure | OSError | None = None) -> None:
-        self._result.status, self._result.failure = status, failure
+    def _end(self, status: Status, failure: BaseException | None = None) -> None:
+        self._result.status = status
+        self._result.failure = failure if isinstance(failure, SolverFailure | OSError) else None
         if not self._recorder:
             return
         try:
             try:
-                if last is not None:
-                    self._recorder.checkpoint(last)
+                if self._last is not None:
+                    self._recorder.checkpoint(self._last)
             finally:
                 # Closed properly, a series is cheap to resume; and the log must not go on saying "running".
                 self._recorder.finish(status, failure)
         except OSError as error:
             # The disk is full or gone; what was flushed before stays, and the first cause is the one to report.
-            self._result.status, self._result.failure = "failed", failure or error
+            self._result.status, self._result.failure = "failed", self._result.failure or error
 
     def _on_substep(self, substep: int, substeps: int) -> bool:
         self._progress.substep(substep, substeps)
@@ -251,7 +277,7 @@ def _signals(stop: Any) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.getsignal(number) or signal.SIG_DFL for number in (signal.SIGINT, signal.SIGTERM)}
 
     def handle(number: int, frame: FrameType | None) -> None:
         stop()

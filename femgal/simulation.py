@@ -50,12 +50,14 @@ class Frame:
     state : Positions, velocities and everything else that the next frame depends on.
     row : The numbers of the frame, as in run.json.
     fields : The output fields that the plan names, one array per name; static ones are not repeated here.
+    guard : Memory of the energy guard after this frame; a checkpoint holds it beside the state.
     """
 
     index: int
     state: MotionState
     row: dict[str, Any]
     fields: dict[str, NDArray]
+    guard: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
@@ -120,12 +122,13 @@ class Simulation:
     def fingerprint(self) -> str:
         """Digest of all that a result depends on; a checkpoint fits only a simulation with the same one.
 
-        The number of frames, the output and the threads do not count: a run may be continued with others.
+        The number of frames, the output, names, paths and the threads do not count: a run may go on with others, and
+        of a mesh its content counts.
         """
         from femgal import __version__
 
-        settings = self.scene.model_dump(mode="json", exclude={"frames", "output", "description"})
-        settings["solver"].pop("threads")
+        left_out: Any = {"name": True, "description": True, "frames": True, "output": True, "solver": {"threads"}}
+        settings = self.scene.model_dump(mode="json", exclude=left_out | {"bodies": {"__all__": {"mesh"}}})
         text = f"{__version__} {self.world.mesh.content_hash} {sorted(settings.items())}"
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -145,9 +148,9 @@ class Simulation:
             self._start, _ = self.stepper.begin_frame(state, self.frame_duration)
         return self._start
 
-    def compile(self) -> None:
-        """Run one step and throw it away, so that no frame's time contains compilation."""
-        self._measure(0, self.stepper.step(self.start(), 1e-3 * self.frame_duration))
+    def compile(self, state: MotionState | None = None) -> None:
+        """Take one step from a state, or from the start, and throw it away: no frame's time contains compilation."""
+        self._measure(0, self.stepper.step(state or self.start(), 1e-3 * self.frame_duration))
 
     def frames(
         self,
@@ -172,7 +175,7 @@ class Simulation:
             state, first = self.start(), 1
             frame, energies = self._measure(0, state)
             self.guard.begin(energies)
-            yield frame
+            yield replace(frame, guard=self.guard.memory())
         else:
             index, state, guard = resume
             first = index + 1
@@ -183,8 +186,8 @@ class Simulation:
             complaint = self.guard.complaint(energies)
             if complaint:
                 raise self._failure(complaint, index, None, state)
-            self.guard.last = energies
-            yield frame
+            self.guard.accept(energies)
+            yield replace(frame, guard=self.guard.memory())
 
     def _advance(self, index: int, state: MotionState, on_substep: OnSubstep) -> tuple[Frame, Energies]:
         began, self.backend.passes = time.perf_counter(), Passes()
@@ -198,8 +201,11 @@ class Simulation:
                 break
             if retakes < MOST_RETAKES:
                 substeps = wanted
-        if wanted is not None or done < substeps or not np.isfinite(after.x.sum()):
-            raise self._failure("the motion has no finite continuation", index, done, after)
+        if done < substeps or not np.isfinite(after.x.sum()):
+            raise self._failure("positions are not finite", index, done, after)
+        if wanted is not None:
+            what = f"{substeps} substeps are still too few for a stable step after {MOST_RETAKES} retakes"
+            raise self._failure(what, index, None, after)
         state = after
         # Adding h many times drifts; the frame's own time does not.
         state = replace(state, time=index * self.frame_duration)
@@ -229,7 +235,7 @@ class Simulation:
 
     def _measure(self, index: int, state: MotionState) -> tuple[Frame, Energies]:
         energies, energy, J = energies_of(self.backend, state, self.gravity)
-        residual = self.stepper.residual(state) if index > 0 else None
+        residual = self.stepper.residual(state) if index > 0 and self.plan.runs("residual") else None
         row = {
             "frame": index,
             "time": state.time,
@@ -256,8 +262,10 @@ class Simulation:
     def _failure(self, what: str, frame: int, substep: int | None, state: MotionState) -> SolverFailure:
         layer = None
         if self.hierarchy and state.corrections:
-            sizes = np.nan_to_num(np.asarray(state.corrections), nan=np.inf)
-            number = int(np.argmax(sizes))
+            sizes = np.asarray(state.corrections)
+            # Layers are corrected from coarse to fine: of several that are no numbers, the coarsest was the first.
+            lost = np.flatnonzero(~np.isfinite(sizes))
+            number = int(lost[-1] if len(lost) else np.argmax(sizes))
             layer = f"layer {number} ({self.hierarchy.layers[number].name})"
         last = self.guard.last or self.guard.start
         energies = {} if last is None else {k: v for k, v in last.as_row().items() if k.endswith("energy")}

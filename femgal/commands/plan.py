@@ -31,7 +31,8 @@ def _print_json(simulation: Any) -> None:
     from dataclasses import asdict
 
     plan = simulation.plan
-    content = asdict(plan) | {"passes_per_substep": plan.passes_per_substep}
+    content = asdict(plan)
+    content |= {"passes_per_substep": plan.passes_per_substep, "passes_per_frame": plan.passes_per_frame}
     content["warnings"] = list(simulation.world.warnings)
     click.echo(json.dumps(content, indent=2))
 
@@ -53,6 +54,7 @@ def _print_tables(simulation: Any) -> None:
     if simulation.hierarchy:
         console.print(str(simulation.hierarchy), highlight=False, soft_wrap=True)
     steps = plan.substeps if plan.substeps else "as many as stability asks for"
-    console.print(f"substeps per frame: {steps}; element passes per substep: {plan.passes_per_substep:.3f}")
+    console.print(f"substeps per frame: {steps}")
+    console.print(f"element passes per substep: {plan.passes_per_substep:.3f}; per frame: {plan.passes_per_frame:.3f}")
     for warning in simulation.world.warnings:
         console.print(f"warning: {warning}", style="yellow", soft_wrap=True)

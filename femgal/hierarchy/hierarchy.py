@@ -13,8 +13,12 @@ from femgal.hierarchy.clusters import cluster_vertices
 from femgal.hierarchy.layer import Layer, build_layer, finest_layer
 from meshes.connectivity import component_labels
 
-# A coarse layer with fewer nodes than this corrects next to nothing that the prediction has not got right already.
+# A choice: the prediction has the motion of the whole body right, and so nearly that of a few parts.
 FEWEST_NODES = 4
+
+# A layer with more nodes than this share of those of the finer one is the finer one over again: many bodies, each too
+# small to be divided by the ratio.
+LARGEST_SHARE = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +94,8 @@ def build_constant_hierarchy(
     built = [finest_layer(disc)]
     for size in coarse_sizes(built[0].n_nodes, ratio, layers):
         label, n_clusters = cluster_vertices(disc.mesh.points, disc.mesh.cells, disc.free, size)
+        if n_clusters > LARGEST_SHARE * built[-1].n_nodes:
+            break
         weight = np.ones((disc.n_vertices, 1))
         built.append(build_layer(disc, label[:, None].copy(), weight, n_clusters, f"clusters of {size}"))
     connected = tuple(_connected(disc, layer) for layer in built)

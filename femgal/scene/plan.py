@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The plan: which stages a scene needs, how much each costs, and what is skipped because nothing in it needs that.
 
-A simulation runs the stages that its plan says run, and no others; `femgal plan SCENE` prints it.
+`femgal plan SCENE` prints it. Time stepping and frames are put together from the stages that run; the passes of a stage
+are those that the run log counts.
 """
 
 from __future__ import annotations
@@ -9,14 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from femgal.diagnostics import SAMPLES
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import FEWEST_NODES, Hierarchy
 from femgal.output.fields import FIELDS, find_field
 from femgal.scene.build import World
 from femgal.scene.model import Scene
 from femgal.scene.problems import Problem, SceneError
+from femgal.timestep.velocity_verlet import FOLLOW_ITERATIONS
 
-# Substeps per frame where the scene leaves them open: 0.2% trajectory error on the soft bunny with spectral steps.
+# Substeps per frame where the scene leaves them open, as Lu et al. 2025 take for most scenes (Table 1).
 DEFAULT_SUBSTEPS = 100
 
 When = Literal["start", "substep", "frame"]
@@ -61,8 +64,16 @@ class Plan:
 
     @property
     def passes_per_substep(self) -> float:
-        """Element passes over the finest mesh in one substep."""
-        return sum(stage.passes for stage in self.stages if stage.when == "substep" and stage.runs)
+        """Element passes over the finest mesh in one substep, at most."""
+        return self._passes("substep")
+
+    @property
+    def passes_per_frame(self) -> float:
+        """Element passes over the finest mesh in one frame beside its substeps."""
+        return self._passes("frame")
+
+    def _passes(self, when: When) -> float:
+        return sum(stage.passes for stage in self.stages if stage.when == when and stage.runs)
 
     def rows(self) -> list[tuple[str, ...]]:
         """One row per stage: when, name, runs or skipped, unknowns, elements, passes, note."""
@@ -96,7 +107,7 @@ def make_plan(scene: Scene, world: World, disc: Discretisation, hierarchy: Hiera
         *_start_stages(scene, disc, hierarchy),
         *_motion_stages(scene, world, disc),
         *_solver_stages(scene, disc, hierarchy),
-        *_frame_stages(scene, disc, explicit),
+        *_frame_stages(scene, disc, explicit, any(not motion.is_fixed for motion in world.motions)),
     )
     return Plan(stages, substeps, settings.iterations, tuple(scene.output.fields))
 
@@ -131,10 +142,10 @@ def _start_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | Non
     if name == "verlet":
         given = scene.solver.substeps is not None
         note = "substeps given" if given else "largest frequency by power iteration, followed every frame"
-        stages.append(Stage("stable step", "start", not given, note))
+        stages.append(Stage("first stable step", "start", not given, note))
     else:
         spectral = scene.solver.steps == "spectral"
-        note = "2 / (1 + lambda_max) of each layer by power iteration" if spectral else "step lengths given"
+        note = "smoothing and stability bounds of each layer, by power iteration" if spectral else "not asked for"
         stages.append(Stage("spectral step lengths", "start", spectral, note))
     return stages
 
@@ -155,20 +166,34 @@ def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | No
     if scene.solver.name == "verlet":
         return [Stage("acceleration", "substep", True, "gradient", n_free, disc.n_tets, 1.0)]
     if hierarchy is None:
-        return [Stage("layer 0", "substep", True, scene.solver.name, n_free, disc.n_tets, float(iterations))]
+        stages = [Stage("layer 0", "substep", True, scene.solver.name, n_free, disc.n_tets, float(iterations))]
+        active = [disc.n_tets]
+    else:
+        stages = _layer_stages(scene, disc, hierarchy)
+        active = [len(layer.active) for layer in hierarchy.layers]
+    exact = scene.solver.steps == "exact"
+    # One line from the last state to the prediction, then one along the correction of each layer.
+    passes = 1.0 + iterations * sum(active) / disc.n_tets if exact else 0.0
+    note = "energy along each correction" if exact else "step lengths are fixed"
+    stages.append(Stage("exact steps", "substep", exact, note, 0, sum(active) if exact else 0, passes))
+    test = scene.solver.tolerance is not None
+    note = f"eps18 <= {scene.solver.tolerance:g} m, at most" if test else "no tolerance"
+    return [*stages, Stage("stopping test", "substep", test, note, passes=float(iterations + 1) if test else 0.0)]
+
+
+def _layer_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy) -> list[Stage]:
+    """Layers from coarse to fine, with the elements that each leaves out."""
+    n_free, iterations = int(disc.free.sum()), scene.solver.iterations
     stages = [_unneeded_layer(scene, n_free, hierarchy)]
     finest = max(1, len(hierarchy.layers[0].element))
     for number, layer in reversed(list(enumerate(hierarchy.layers))):
         passes = iterations * len(layer.element) / finest
-        note = layer.name
-        stages.append(Stage(f"layer {number}", "substep", True, note, layer.n_nodes, len(layer.active), passes))
+        stages.append(Stage(f"layer {number}", "substep", True, layer.name, layer.n_nodes, len(layer.active), passes))
         if number > 0:
             interior = disc.n_tets - len(layer.active)
             note = f"{interior} elements inside one cluster contribute exactly zero"
             stages.append(Stage(f"interior of layer {number}", "substep", False, note, 0, interior))
-    if iterations > 1 or scene.solver.tolerance is not None:
-        return stages
-    return [*stages, Stage("stopping test", "substep", False, "one iteration and no tolerance")]
+    return stages
 
 
 def _unneeded_layer(scene: Scene, n_free: int, hierarchy: Hierarchy) -> Stage:
@@ -176,14 +201,26 @@ def _unneeded_layer(scene: Scene, n_free: int, hierarchy: Hierarchy) -> Stage:
     number = len(hierarchy.layers)
     size = hierarchy.ratio**number
     asked = scene.solver.layers != "full" and number > scene.solver.layers
-    why = "not asked for" if asked else f"{n_free} free vertices make fewer than {FEWEST_NODES} of them"
+    few = f"{n_free} free vertices make fewer than {FEWEST_NODES} of them, or few more than of the finer layer"
+    why = "not asked for" if asked else few
     return Stage(f"layer {number}", "substep", False, f"clusters of {size}: {why}")
 
 
-def _frame_stages(scene: Scene, disc: Discretisation, explicit: bool) -> list[Stage]:
+def _frame_stages(scene: Scene, disc: Discretisation, explicit: bool, moving: bool) -> list[Stage]:
     output = scene.output
+    follow = explicit and scene.solver.substeps is None
     residual_note = "an explicit method has no residual" if explicit else "eps18 and its field"
     stages = [
+        Stage(
+            "work of moving vertices", "frame", moving, "bound for the energy", passes=1.0 + SAMPLES if moving else 0.0
+        ),
+        Stage(
+            "stable step",
+            "frame",
+            follow,
+            "followed as the body deforms" if follow else "no stability limit to follow",
+            passes=1.0 + FOLLOW_ITERATIONS if follow else 0.0,
+        ),
         Stage("energies", "frame", True, "energies and smallest J", 0, disc.n_tets, 1.0),
         Stage("residual", "frame", not explicit, residual_note, 0, disc.n_tets, 0.0 if explicit else 1.0),
     ]

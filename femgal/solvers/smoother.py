@@ -56,16 +56,27 @@ def smooth(potential: IncrementalPotential, layer: Layer, x: Floats, w: float, *
 
 
 def first_minimum(coefficients: Floats) -> float:
-    """Smallest t > 0 where c_1 t + c_2 t^2 + ... has slope zero; zero when it does not fall at t = 0."""
+    """Smallest t > 0 where c_1 t + c_2 t^2 + ... has slope zero; zero when it does not fall at t = 0.
+
+    NaN when a coefficient is not finite.
+    """
     if not np.isfinite(coefficients).all():
         return math.nan
     # The direction may be zero up to rounding, as at rest: then there is nothing to gain.
     if not coefficients[0] < 0.0:
         return 0.0
-    slope = coefficients * np.arange(1, len(coefficients) + 1)
+    # In units of the step to the minimum of the quadratic part, and of the gain there, the polynomial of a motion that
+    # is nearly linear is -2 s + s^2: no overflow, and what rounding leaves of the higher terms can be dropped.
+    unit = -0.5 * coefficients[0] / coefficients[1] if coefficients[1] > 0.0 else 1.0
+    powers = np.arange(1, len(coefficients) + 1)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        slope = powers * coefficients * unit ** (powers - 1.0) / -coefficients[0]
+    if not np.isfinite(slope).all():
+        return math.nan
+    slope[np.abs(slope) < 1e-18 * np.abs(slope).max()] = 0.0
     roots = np.roots(slope[::-1])
     real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0.0)]
-    return float(real.min()) if len(real) else 0.0
+    return unit * float(real.min()) if len(real) else 0.0
 
 
 def step_lengths(
@@ -73,7 +84,7 @@ def step_lengths(
 ) -> Floats:
     """Step length w of each layer, finest first.
 
-    Spectral: w_l = min(2 / (1 + lambda), 4 / (3 lambda)) with lambda = lambda_max(D_l^-1 A_l) at the rest state.
+    Spectral: w_l = min(2 / (1 + lambda), 0.9 * 4 / (3 lambda)), lambda = lambda_max(D_l^-1 A_l) at the rest state.
     lambda -> 1 and so w -> 1 as h -> 0, which makes one pass per step consistent with the equation of motion. The
     first bound smooths best. The second keeps the motion stable: a step that maps the prediction to x = T xhat gives
     x_{n+1} = T (2 x_n - x_{n-1}), whose solutions stay bounded for -1/3 <= T <= 1, and on the stiffest modes one

@@ -25,15 +25,17 @@ _SOLVERS: dict[str, type[Relaxation]] = {"fas": FAS, "jacobi": Jacobi, "scalar-j
 def build_stepper(
     scene: Scene, plan: Plan, backend: CpuBackend, hierarchy: Hierarchy | None, motions: Sequence[Motion]
 ) -> TimeStepper:
-    """The method that `scene.solver` asks for."""
+    """The method that `scene.solver` asks for, with the stages that the plan says run."""
     settings, gravity = scene.solver, np.asarray(scene.gravity, np.float64)
+    damping = scene.damping if plan.runs("damping") else 0.0
+    motions = motions if plan.runs("fixed vertices") or plan.runs("moving vertices") else ()
     if settings.name == "verlet":
-        return VelocityVerlet(backend, gravity, scene.damping, motions, settings.safety, settings.substeps)
+        return VelocityVerlet(backend, gravity, damping, motions, settings.safety, settings.substeps)
     layers = hierarchy.layers if hierarchy else (backend.vertices,)
     budget = Budget(settings.iterations, settings.tolerance)
     solver = _SOLVERS[settings.name](backend, layers, _steps(settings), budget)
     assert plan.substeps is not None
-    return BackwardEuler(backend, solver, plan.substeps, gravity, scene.damping, motions)
+    return BackwardEuler(backend, solver, plan.substeps, gravity, damping, motions)
 
 
 def _steps(settings: SolverSettings) -> StepRule:

@@ -7,7 +7,8 @@
    replacement stops the run of a scene that needs the stage (so the test can fail).
 4. Interior elements of coarse layers are counted as skipped, and the passes per substep follow from the pairs.
 5. A coarse layer that the mesh is too small for is not built even when asked for.
-6. Fields that a scene cannot have are refused with what is allowed.
+6. The passes that the plan names are those that the run log counts, for every solver and kind of step.
+7. Fields that a scene cannot have are refused with what is allowed.
 """
 
 from __future__ import annotations
@@ -147,6 +148,35 @@ def test_interior_elements_and_passes_add_up():
     assert plan.passes_per_substep == pytest.approx(pairs, rel=1e-12)
     frame = list(simulation.frames())[1]
     assert frame.row["passes_by_kind"]["gradient_and_blocks"] == pytest.approx(4 * pairs, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("solver", "lines"),
+    [
+        ("fas", ""),
+        ("fas", 'steps = "exact"'),
+        ("fas", 'steps = "exact"\niterations = 3'),
+        ("fas", "tolerance = 1e-16\niterations = 2"),
+        ("jacobi", 'steps = "exact"'),
+        ("scalar-jacobi", "iterations = 2"),
+        ("verlet", ""),
+    ],
+)
+@pytest.mark.parametrize("constraint", ["", HELD, PULLED])
+def test_planned_passes_are_those_that_are_made(solver, lines, constraint):
+    text = BEAM.format(top="", constraint=constraint, solver=solver, fields="").replace(
+        "ratio = 8", f"ratio = 8\n{lines}"
+    )
+    if solver == "verlet":
+        text = text.replace("substeps = 4\n", "")
+    simulation = Simulation.prepare(parse_scene(text, "small.toml"))
+    row = list(simulation.frames())[1].row
+    planned = row["substeps"] * simulation.plan.passes_per_substep + simulation.plan.passes_per_frame
+    if "tolerance" in lines and not constraint:
+        # A body in free flight meets any tolerance at once: the plan says "at most".
+        assert row["passes"] < planned
+    else:
+        assert row["passes"] == pytest.approx(planned, rel=1e-12)
 
 
 def test_layers_beyond_the_mesh_are_left_out():
