@@ -9,7 +9,8 @@
    empty, mixed, quadratic, planar, no tetrahedra, missing, wrong suffix. Slivers are not refused.
 5. Cut-off or corrupted files give a MeshError and nothing else, whatever the damage, and print nothing.
 6. Headers that declare more than the file holds are refused before anything is allocated.
-7. HDF5 that reaches outside its file is refused; so is XDMF that leaves its folder.
+7. HDF5 that reaches outside its file is refused; so is XDMF that leaves its folder. Every object is looked at once,
+   however the hard links run; a torn file gives a MeshError.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import pytest
 
 from meshes.errors import InputError, MeshError
 from meshes.generators import box
+from meshes.io.hdf5_guard import check_hdf5
 from meshes.io.tets import WRITABLE, read_tets, write_tets
 from meshes.types import TetMesh
 
@@ -342,3 +344,57 @@ def test_hdf5_that_reaches_outside_is_refused(tmp_path):
 def test_xdmf_that_leaves_its_folder_is_refused(tmp_path, item, part):
     text = f'<Xdmf Version="3.0"><Domain><Grid><Geometry>{item}</Geometry></Grid></Domain></Xdmf>'
     refusal(written(tmp_path / "a.xdmf", text), part)
+
+
+def test_xdmf_of_an_unknown_encoding_or_an_impossible_name(tmp_path):
+    refusal(written(tmp_path / "a.xdmf", '<?xml version="1.0" encoding="no-such"?><Xdmf/>'), "not well-formed XML")
+    item = f'<Xdmf><DataItem Format="HDF">{"a" * 5000}.h5:/points</DataItem></Xdmf>'
+    refusal(written(tmp_path / "b.xdmf", item), "names a file that is missing")
+
+
+def test_hard_links_in_a_circle(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "circle.med"
+    with h5py.File(path, "w") as file:
+        inner = file.create_group("a/b/c")
+        inner["up"], inner["top"] = file["a"], file["/"]
+        inner["data"] = np.arange(4.0)
+    check_hdf5(path)
+    refusal(path, "cannot be read", "med")
+    with h5py.File(path, "a") as file:
+        file["a/b/c"].create_dataset("outside", (10,), "f8", external=[("other.bin", 0, 80)])
+    refusal(path, "refused", "/outside stored in other files")
+
+
+def test_groups_far_deeper_than_calls_may_nest(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "deep.h5m"
+    with h5py.File(path, "w") as file:
+        group = file
+        for _ in range(3000):
+            group = group.create_group("g")
+        group.create_dataset("bomb", (10**12,), "f8", chunks=(1000,))
+    refusal(path, "refused", "/g/g/g/bomb of 8000000000000 bytes")
+
+
+def test_torn_hdf5_gives_a_mesh_error(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    whole = tmp_path / "whole.h5"
+    with h5py.File(whole, "w") as file:
+        for k in range(12):
+            file.create_group(f"group {k}").create_dataset("values", data=np.arange(30.0), chunks=(10,), shuffle=True)
+    data = np.frombuffer(whole.read_bytes(), np.uint8)
+    random = np.random.default_rng(SEED)
+    messages = []
+    for k in range(300):
+        torn = data.copy()
+        start = random.integers(0, len(data) - 64)
+        torn[start : start + random.integers(1, 64)] = random.integers(0, 256)
+        path = written(tmp_path / f"{k}.h5", "")
+        path.write_bytes(torn.tobytes())
+        try:
+            check_hdf5(path)
+        except MeshError as error:
+            messages.append((str(path), str(error)))
+    assert 20 < len(messages) < 300
+    assert all(path in message for path, message in messages)
