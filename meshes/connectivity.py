@@ -11,6 +11,11 @@ from meshes.jit import kernel
 Indices = NDArray[np.int32]
 
 
+def vertex_bound(cells: Indices) -> int:
+    """Highest vertex index plus one; 0 for no cells."""
+    return int(cells.max(initial=-1)) + 1
+
+
 @kernel
 def vertex_cells(cells: Indices, n_vertices: int) -> tuple[NDArray[np.int64], Indices]:
     """Cells around each vertex in compressed rows: those of vertex v are cell[start[v]:start[v+1]], ascending."""
@@ -41,10 +46,10 @@ def component_labels(cells: Indices, group: Indices | None = None) -> Indices:
 
     Returns
     -------
-    Label of each vertex, shape [n_vertices], or [max index + 1] without groups.
+    Label of each vertex, shape [n_vertices], or [`vertex_bound`] without groups.
     """
     if group is None:
-        group = np.zeros(int(cells.max()) + 1, np.int32)
+        group = np.zeros(vertex_bound(cells), np.int32)
     return _component_labels(cells, group)
 
 

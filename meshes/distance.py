@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from meshes.errors import MeshError
 from meshes.jit import kernel, scalar
+from meshes.ordering import morton_order
 from meshes.types import Points, TriMesh
 
 LEAF = 4  # triangles per leaf: fewer boxes than triangles, and a leaf's corners fill five cache lines
@@ -79,7 +80,7 @@ class BoxTree:
     def over(cls, surface: TriMesh) -> BoxTree:
         """Build the tree of a surface."""
         corners = surface.points[surface.cells]
-        order = np.argsort(_morton_keys(corners.mean(axis=1)), kind="stable")
+        order = morton_order(corners.mean(axis=1))
         packed = np.ascontiguousarray(corners[order].reshape(-1, 9))
         n_leaves = 1 << int(np.ceil(np.log2(-(-len(packed) // LEAF)))) if len(packed) > LEAF else 1
         return cls(packed, _boxes(packed, n_leaves), order)
@@ -121,25 +122,6 @@ def _directed(source: TriMesh, target: TriMesh) -> DirectedDistance:
         return float(weights @ (vertices + 0.75 * at_centroid**power))
 
     return DirectedDistance(average(1), average(2) ** 0.5, float(max(at_vertex.max(), at_centroid.max())))
-
-
-def _morton_keys(points: Points) -> NDArray[np.uint64]:
-    low = points.min(axis=0)
-    width = float((points.max(axis=0) - low).max()) or 1.0
-    return _interleave(((points - low) * (2097151.0 / width)).astype(np.uint64))
-
-
-def _interleave(cells: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    x = cells.copy()
-    for shift, mask in (
-        (32, 0x1F00000000FFFF),
-        (16, 0x1F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
-        x = (x | (x << np.uint64(shift))) & np.uint64(mask)
-    return x[:, 0] | (x[:, 1] << np.uint64(1)) | (x[:, 2] << np.uint64(2))
 
 
 @kernel

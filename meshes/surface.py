@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.connectivity import component_labels, vertex_cells
+from meshes.connectivity import component_labels, vertex_bound, vertex_cells
 from meshes.errors import MeshError
 from meshes.jit import kernel
 from meshes.types import Points, TriMesh
@@ -156,20 +156,30 @@ def boundary(cells: Indices) -> Indices:
     ----------
     cells : Vertex indices of positively oriented tetrahedra, shape [n_tets, 4].
     """
+    return boundary_with_owners(cells)[0]
+
+
+def boundary_with_owners(cells: Indices) -> tuple[Indices, Indices]:
+    """Boundary triangles as `boundary` gives them, and the tetrahedron that each belongs to.
+
+    Returns
+    -------
+    triangles : Vertex indices, turned outwards, shape [n_triangles, 3], int32.
+    owners : Row of ``cells``, shape [n_triangles], int32.
+    """
     cells = np.ascontiguousarray(cells, np.int32)
-    if len(cells) == 0:
-        return np.empty((0, 3), np.int32)
-    return _boundary(cells, int(cells.max()) + 1)
+    faces = _boundary_faces(cells, vertex_bound(cells))
+    return _outward_triangles(cells, faces), faces >> 2
 
 
 def edge_table(triangles: Indices) -> tuple[Indices, Indices, Indices]:
     """Return all edges [n, 2], how many triangles each has, and how many more run up than down along it."""
-    return _edge_table(triangles, int(triangles.max()) + 1)
+    return _edge_table(triangles, vertex_bound(triangles))
 
 
 def pinched_vertices(triangles: Indices) -> Indices:
     """Vertices whose triangles form more than one fan, ascending, int32."""
-    return np.flatnonzero(_fans(triangles, int(triangles.max()) + 1) > 1).astype(np.int32)
+    return np.flatnonzero(_fans(triangles, vertex_bound(triangles)) > 1).astype(np.int32)
 
 
 @kernel
@@ -182,7 +192,7 @@ def _sorted_face(cells: Indices, face: int) -> tuple[int, int, int]:
 
 
 @kernel
-def _boundary(cells: Indices, n_vertices: int) -> Indices:
+def _boundary_faces(cells: Indices, n_vertices: int) -> Indices:
     # Faces meet in the bucket of their lowest vertex: one 4-byte entry per face, no sorting.
     n_faces = 4 * cells.shape[0]
     start = np.zeros(n_vertices + 1, np.int64)
@@ -212,9 +222,14 @@ def _boundary(cells: Indices, n_vertices: int) -> Indices:
             if alone[i]:
                 bucket[n_alone] = bucket[start[v] + i]
                 n_alone += 1
-    triangles = np.empty((n_alone, 3), np.int32)
-    for i in range(n_alone):
-        e, k = bucket[i] >> 2, bucket[i] & 3
+    return bucket[:n_alone].copy()
+
+
+@kernel
+def _outward_triangles(cells: Indices, faces: Indices) -> Indices:
+    triangles = np.empty((faces.shape[0], 3), np.int32)
+    for i in range(faces.shape[0]):
+        e, k = faces[i] >> 2, faces[i] & 3
         # Opposite vertices 0 and 2 the cyclic order looks outwards, opposite 1 and 3 inwards.
         swap = k & 1
         triangles[i, 0] = cells[e, (k + 1) & 3]

@@ -20,7 +20,7 @@ _SERIES = ("frames.vtkhdf", "frames.pvd")
 
 
 @dataclass(frozen=True)
-class RunResult:
+class SavedRun:
     """What a run has left behind; frames are read when asked for, so a running one can be followed.
 
     Parameters
@@ -118,7 +118,7 @@ class RunResult:
         return array
 
 
-def read_run(path: Path | str) -> RunResult:
+def read_run(path: Path | str) -> SavedRun:
     """Open a run folder, or its .vtkhdf or .pvd file.
 
     Raises
@@ -128,7 +128,7 @@ def read_run(path: Path | str) -> RunResult:
     """
     file = _series_file(Path(path))
     log = read_log(file.parent) if (file.parent / FILE_NAME).exists() else {}
-    return RunResult(file, _reader(file), log)
+    return SavedRun(file, _reader(file), log)
 
 
 def _series_file(path: Path) -> Path:

@@ -23,11 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.output.atomic import replacing
-from femgal.output.boundary import boundary_triangles, vertex_average
+from femgal.output.boundary import vertex_average
 from femgal.output.fields import unit_of
-from femgal.output.read import RunResult
+from femgal.output.read import SavedRun
 from femgal.output.series import checked_frame
 from meshes.errors import InputError
+from meshes.surface import boundary_with_owners
 
 _DRAW = (sys.executable, "-m", "femgal.output.draw")
 _TIMEOUT = 600.0  # seconds; software rendering of a million triangles takes some ten
@@ -62,13 +63,13 @@ class Colours:
 
 
 def save_picture(
-    run: RunResult, png: Path, *, frames: Sequence[int | str] = ("last",), field: str | None = None
+    run: SavedRun, png: Path, *, frames: Sequence[int | str] = ("last",), field: str | None = None
 ) -> Path:
     """Draw the deformed surface of one frame, or of several side by side.
 
     Parameters
     ----------
-    run : RunResult
+    run : SavedRun
         What to draw.
     png : Path
         Picture to write.
@@ -85,7 +86,7 @@ def save_picture(
     _need_pyvista()
     numbers = [frame_number(frame, run.n_frames, str(run.path)) for frame in frames]
     name = field or _default_field(run)
-    triangles, owners = boundary_triangles(run.cells)
+    triangles, owners = boundary_with_owners(run.cells)
     raw = [_surface_values(run, name, number, triangles, owners) for number in numbers]
     colours, values = _coloured(name, raw)
     arrays: dict[str, NDArray[Any]] = {"triangles": triangles}
@@ -112,11 +113,11 @@ def frame_number(frame: int | str, n_frames: int, where: str) -> int:
     return checked_frame(number, n_frames, where)
 
 
-def _default_field(run: RunResult) -> str:
+def _default_field(run: SavedRun) -> str:
     return "von_mises" if "von_mises" in run.cell_names else "displacement"
 
 
-def _positions(run: RunResult, frame: int) -> NDArray[np.float64]:
+def _positions(run: SavedRun, frame: int) -> NDArray[np.float64]:
     positions = run.points + run.displacement(frame)
     if not np.isfinite(positions).all():
         raise InputError(
@@ -129,7 +130,7 @@ def _positions(run: RunResult, frame: int) -> NDArray[np.float64]:
 
 
 def _surface_values(
-    run: RunResult, name: str, frame: int, triangles: NDArray[np.int32], owners: NDArray[np.int64]
+    run: SavedRun, name: str, frame: int, triangles: NDArray[np.int32], owners: NDArray[np.int32]
 ) -> NDArray[Any]:
     """Return ids per triangle, or real values per vertex."""
     on_points = name in run.point_names

@@ -45,7 +45,7 @@ def static_data(mesh):
 
 
 def assert_frame(run, mesh, frame, shown=None):
-    """Check every number of one frame of a `RunResult`; `shown` is the frame whose motion it should show."""
+    """Check every number of one frame of a `SavedRun`; `shown` is the frame whose motion it should show."""
     shown = frame if shown is None else shown
     assert run.times[frame] == shown / 64.0
     assert np.array_equal(run.displacement(frame), displacement(mesh, shown))

@@ -4,6 +4,7 @@
 1. vertex_cells lists the cells around each vertex, ascending, also for vertices without any.
 2. component_labels gives the lowest vertex of each component, as a search over the graph does.
 3. With groups, vertices hang together only within theirs, and those of a negative group with none.
+4. No cells give no vertices and no labels.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from meshes.connectivity import component_labels, vertex_cells
+from meshes.connectivity import component_labels, vertex_bound, vertex_cells
 from meshes.generators import box
 
 SEED = 73_939_133
@@ -51,3 +52,10 @@ def test_groups_do_not_hang_together(groups):
     labels = component_labels(mesh.cells, group)
     np.testing.assert_array_equal(labels, reference_labels(mesh.cells, group))
     np.testing.assert_array_equal(labels[group < 0], np.flatnonzero(group < 0))
+
+
+def test_no_cells():
+    none = np.empty((0, 4), np.int32)
+    assert vertex_bound(none) == 0
+    assert len(component_labels(none)) == 0
+    assert vertex_bound(np.array([[3, 7, 5, 6]], np.int32)) == 8

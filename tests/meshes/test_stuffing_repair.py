@@ -5,6 +5,7 @@
 2. A ring closed by a contact in an edge, and one pinched at a vertex, become manifold by losing a few tetrahedra.
 3. Random fillings, full of contacts, become closed 2-manifolds with positive volumes.
 4. Fragments of a body are dropped, bodies of their own are kept; vertices are renumbered without gaps.
+5. A filling without tetrahedra comes out empty.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import numpy as np
 import pytest
 
 from meshes.generators import icosphere
-from meshes.stuffing.fill import Filling
-from meshes.stuffing.repair import repair
+from meshes.stuffing.fill import INTERIOR, Filling
+from meshes.stuffing.repair import Repairs, repair
 from meshes.surface import boundary, manifold_report
 from meshes.types import TriMesh, signed_volumes
 
@@ -106,3 +107,11 @@ def test_fragments_go_and_bodies_stay():
     both, repairs = repair(belonging(filling, 0, 4.5), two_bodies())
     assert (len(both.cells), repairs.fragments) == (24, 1)
     assert both.cells.max() == len(both.points) - 1
+
+
+def test_nothing_stays_nothing():
+    points = np.arange(12.0).reshape(4, 3)
+    for face in (np.zeros(4, np.int32), np.full(4, INTERIOR, np.int32)):
+        repaired, repairs = repair(Filling(points, np.empty((0, 4), np.int32), face), icosphere(0))
+        assert (repaired.points.shape, repaired.cells.shape, repaired.face.shape) == ((0, 3), (0, 4), (0,))
+        assert repairs == Repairs()

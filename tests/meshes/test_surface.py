@@ -1,20 +1,33 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Surface defects, orientation and tetrahedral boundaries.
 
-1. The boundary of a box mesh is the closed, outward surface of its volume; of one tetrahedron, its four faces.
+1. The boundary of a box mesh is the closed, outward surface of its volume; of one tetrahedron, its four faces. Every
+   boundary triangle is a face of its owner, and every face of one cell only is there.
 2. The report counts open, crowded and inconsistent edges, pinched vertices and components of constructed cases.
 3. An open, a crowded and an inconsistently wound surface are refused with the counts.
-4. `outward` turns an inverted surface, and an inverted component beside others, but leaves a void alone.
+4. No triangles and no cells have no defects and no boundary.
+5. `outward` turns an inverted surface, and an inverted component beside others, but leaves a void alone.
 """
 
 from __future__ import annotations
+
+from collections import Counter
 
 import numpy as np
 import pytest
 
 from meshes.errors import MeshError
 from meshes.generators import box, icosphere
-from meshes.surface import boundary, check_closed, manifold_report, outward, triangle_components
+from meshes.surface import (
+    boundary,
+    boundary_with_owners,
+    check_closed,
+    edge_table,
+    manifold_report,
+    outward,
+    pinched_vertices,
+    triangle_components,
+)
 from meshes.types import TriMesh
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
@@ -49,7 +62,29 @@ def test_boundary_of_a_box_is_closed_and_outward():
     used, cells = np.unique(triangles, return_inverse=True)
     skin = TriMesh(mesh.points[used], cells.reshape(-1, 3))
     assert skin.enclosed_volume == pytest.approx(6.0, rel=1e-13)
-    assert len(boundary(np.empty((0, 4), np.int32))) == 0
+
+
+def test_owners():
+    mesh = box((1.0, 1.0, 1.0), (4, 3, 2))
+    cells = mesh.cells[np.random.default_rng(48_611).permutation(len(mesh.cells))[:70]]
+    triangles, owners = boundary_with_owners(cells)
+    np.testing.assert_array_equal(triangles, boundary(cells))
+    faces = [(row, *sorted(np.delete(cell, k))) for row, cell in enumerate(cells.tolist()) for k in range(4)]
+    inner = Counter(face[1:] for face in faces)
+    expected = sorted(face for face in faces if inner[face[1:]] == 1)
+    found = sorted((row, *sorted(triangle)) for row, triangle in zip(owners.tolist(), triangles.tolist(), strict=True))
+    assert found == expected
+
+
+def test_nothing_has_no_defects():
+    none, no_cells = np.empty((0, 3), np.int32), np.empty((0, 4), np.int32)
+    assert boundary(no_cells).shape == (0, 3)
+    assert [len(part) for part in boundary_with_owners(no_cells)] == [0, 0]
+    edges, faces, balance = edge_table(none)
+    assert (edges.shape, len(faces), len(balance)) == ((0, 2), 0, 0)
+    assert len(pinched_vertices(none)) == len(triangle_components(none)) == 0
+    report = manifold_report(none)
+    assert (report.triangles, report.edges, report.vertices, report.components) == (0, 0, 0, 0)
 
 
 def test_report_of_a_closed_surface():
