@@ -33,7 +33,9 @@ __all__ = ["StuffingReport", "tetrahedralise"]
 _PLACEMENTS = 3  # of the lattice, while lines through edges or vertices of the surface leave a cut unknown
 _ROUNDS = 8  # repairs change the number of vertices, so the aim is shifted, then bracketed; scans need 1 or 2
 _FEWEST = 30  # below, hardly any number can be met
-_LARGER_SIZES = 8
+_LARGER_SIZES = 8  # tried in search of advice, up to a number of vertices that takes a second or two
+_LARGEST_TRIED = 200_000
+_MOST_GROWTH = 4.0  # of the aim from one round to the next, also when the repairs left little or nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +106,7 @@ def _stuffed(surface: TriMesh, vertices: int, tolerance: float) -> _Stuffed | in
             return _Stuffed(trial.sample, filling, repairs)
         nearest = min(nearest, obtained, key=lambda n: abs(n - vertices))
         below, above = (aim, above) if obtained < vertices else (below, aim)
-        aim *= vertices / obtained
+        aim *= min(vertices / max(obtained, 1), _MOST_GROWTH)
         if not below < aim < above:
             aim = (below * above) ** 0.5
     return nearest
@@ -119,10 +121,10 @@ def _trial(surface: TriMesh, spacing: float, placement: int) -> _Trial:
 
 
 def _refusal(surface: TriMesh, vertices: int, nearest: int, tolerance: float) -> MeshError:
-    """Error that names the next round number of vertices that works."""
-    sizes = [first * 10**k for k in range(1, 9) for first in (1, 1.5, 2, 3, 5, 7)]
-    larger = [round(size) for size in sizes if size > max(vertices, _FEWEST)][:_LARGER_SIZES]
-    works = next((size for size in larger if isinstance(_stuffed(surface, size, tolerance), _Stuffed)), None)
+    """Error that names the next round number of vertices that works, where trying that is cheap."""
+    sizes = (round(first * 10**k) for k in range(1, 6) for first in (1, 1.5, 2, 3, 5, 7))
+    larger = [size for size in sizes if max(vertices, _FEWEST) < size <= _LARGEST_TRIED][:_LARGER_SIZES]
+    works = next((size for size in larger if _works(surface, size, tolerance)), None)
     return MeshError(
         "no lattice fills the surface with so many vertices",
         where=surface.origin.name,
@@ -130,3 +132,10 @@ def _refusal(surface: TriMesh, vertices: int, nearest: int, tolerance: float) ->
         allowed=f"within {100 * tolerance:g}%",
         advice=f"ask for {works} vertices" if works else "ask for far more vertices, or accept a larger tolerance",
     )
+
+
+def _works(surface: TriMesh, vertices: int, tolerance: float) -> bool:
+    try:
+        return isinstance(_stuffed(surface, vertices, tolerance), _Stuffed)
+    except Exception:  # whatever it is, the user asked for another number and must hear about that one
+        return False

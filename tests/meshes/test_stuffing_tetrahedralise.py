@@ -6,7 +6,8 @@
 2. Overlapping spheres in one surface are filled as their union; two spheres apart stay two bodies; a void stays empty.
 3. An inverted surface gives the same mesh as the outward one.
 4. The same bytes come out of two processes.
-5. Open surfaces, flat ones and impossible numbers of vertices are refused with what would work.
+5. Open surfaces, flat ones and impossible numbers of vertices are refused with what would work; the search
+   for that tries no large number, and whatever happens in it the refusal comes. So it does when repairs leave nothing.
 6. A warning is given exactly when more than 1% of the volume is lost, and the number it names suffices.
 7. Real surfaces at 20,000 vertices keep the promises above and their volume (1% or 2%; a tentacled ball loses a fifth
    and says so). One million vertices fit into 2 GB.
@@ -27,6 +28,9 @@ from meshes.distance import BoxTree
 from meshes.errors import MeshError
 from meshes.generators import box, icosphere
 from meshes.io.surfaces import read_surface
+from meshes.stuffing import tetrahedralise as tetrahedralisation
+from meshes.stuffing.fill import Filling
+from meshes.stuffing.repair import Repairs
 from meshes.stuffing.report import StuffingReport
 from meshes.stuffing.tetrahedralise import tetrahedralise
 from meshes.surface import boundary, manifold_report
@@ -155,6 +159,55 @@ def test_tiny_numbers_are_refused_with_one_that_works(surface):
     sensible = int(re.search(r"ask for (\d+) vertices", caught.value.advice)[1])
     assert sensible <= 150
     assert_sound(*tetrahedralise(surface, sensible), sensible)
+
+
+def tried(monkeypatch, outcome) -> list[int]:
+    """Numbers of vertices of the attempts from now on; every one ends with the outcome."""
+    sizes = []
+
+    def attempt(surface, vertices, tolerance):
+        sizes.append(vertices)
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
+
+    monkeypatch.setattr(tetrahedralisation, "_stuffed", attempt)
+    return sizes
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        (10, [50, 70, 100, 150, 200, 300, 500, 700]),
+        (140_000, [140_000, 150_000, 200_000]),
+        (5_000_000, [5_000_000]),
+    ],
+)
+def test_advice_is_sought_among_small_numbers(monkeypatch, asked, expected):
+    sizes = tried(monkeypatch, 777)
+    with pytest.raises(MeshError, match="no lattice fills") as caught:
+        tetrahedralise(icosphere(1), asked)
+    assert [size for size in sizes if size != asked] == [size for size in expected if size != asked]
+    assert f"777 vertices at the nearest, {asked} asked" in str(caught.value)
+    assert caught.value.advice.startswith("ask for far more vertices")
+
+
+@pytest.mark.parametrize("error", [MemoryError(), ZeroDivisionError("x"), MeshError("other")])
+def test_errors_in_search_of_advice_do_not_hide_the_refusal(monkeypatch, error):
+    ball = icosphere(1)
+    tried(monkeypatch, error)
+    refusal = tetrahedralisation._refusal(ball, 5000, 4000, 0.05)
+    assert "4000 vertices at the nearest, 5000 asked" in str(refusal)
+    assert "far more vertices" in refusal.advice
+
+
+def test_repairs_that_leave_nothing_are_refused(monkeypatch):
+    def nothing(filling, surface):
+        return Filling(np.empty((0, 3)), np.empty((0, 4), np.int32), np.empty(0, np.int32)), Repairs()
+
+    monkeypatch.setattr(tetrahedralisation, "repair", nothing)
+    with pytest.raises(MeshError, match="0 vertices at the nearest, 40 asked"):
+        tetrahedralise(icosphere(3), 40, tolerance=0.5)
 
 
 def named_number(report: StuffingReport) -> int:
