@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -46,19 +45,9 @@ def scene_from_options(
         The scene, or a value given, cannot be used.
     """
     from femgal.scene.load import load_scene
+    from femgal.scene.overrides import parse_override
 
-    overrides: dict[str, object] = dict(_parsed(text) for text in settings)
+    overrides: dict[str, object] = dict(parse_override(text) for text in settings)
     names = {"solver": "solver.name"}
     overrides |= {names.get(k, f"solver.{k}"): v for k, v in solver.items() if v is not None}
     return load_scene(scene, vertices=vertices, frames=frames, overrides=overrides)
-
-
-def _parsed(text: str) -> tuple[str, object]:
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip():
-        raise click.UsageError(f"--set {text}: expected KEY=VALUE, such as bodies.0.rho=1")
-    try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        # A bare word is meant as a string: --set solver.name=jacobi
-        return key.strip(), value.strip()

@@ -10,7 +10,7 @@ from femgal.scene.problems import Problem, SceneError
 
 
 def parse_override(text: str) -> tuple[str, object]:
-    """Split ``key=value`` as typed on a command line; what is not a TOML value counts as text.
+    """Split ``KEY=VALUE`` as typed on a command line; what is not a TOML value counts as text.
 
     Raises
     ------
@@ -19,11 +19,11 @@ def parse_override(text: str) -> tuple[str, object]:
     """
     key, equals, value = (part.strip() for part in text.partition("="))
     if not key or not equals:
-        problem = Problem("", "not an override", text, "key=value, such as bodies.0.rho=1.0 or solver.name=jacobi")
-        raise SceneError([problem], source="override")
+        problem = Problem("", "not an override", text, "KEY=VALUE, such as bodies.0.rho=1.0 or solver.name=jacobi")
+        raise SceneError([problem], source="--set")
     try:
         return key, tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # also numbers of thousands of digits, deep nesting
         return key, value
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Single keys set from outside a scene file.
 
-1. ``key=value`` is split at the first ``=`` and the value read as TOML, else as text.
+1. ``KEY=VALUE`` is split at the first ``=`` and the value read as TOML, else as text.
 2. A dotted key reaches into tables and lists; missing tables are made, missing list entries are refused.
 """
 
@@ -23,6 +23,8 @@ from femgal.scene.problems import SceneError
         ("solver.steps=[0.25, 0.5]", ("solver.steps", [0.25, 0.5])),
         ("bodies.0.mesh=a=b.msh", ("bodies.0.mesh", "a=b.msh")),
         ("constraints.0.where={ none = true }", ("constraints.0.where", {"none": True})),
+        ("frames=" + "9" * 5000, ("frames", "9" * 5000)),
+        ("a=" + "[" * 5000, ("a", "[" * 5000)),
     ],
 )
 def test_parse(text, expected):
@@ -31,7 +33,7 @@ def test_parse(text, expected):
 
 @pytest.mark.parametrize("text", ["frames", "=3", ""])
 def test_not_an_override(text):
-    with pytest.raises(SceneError, match="key=value"):
+    with pytest.raises(SceneError, match="KEY=VALUE"):
         parse_override(text)
 
 
