@@ -107,12 +107,10 @@ class Path(Table):
     ----------
     times : Times [s], increasing.
     offsets : Displacement from the rest position [m] at each time.
-    kind : Interpolation; ``linear`` is the only one.
     """
 
     times: Times
     offsets: tuple[Vector, ...]
-    kind: Literal["linear"] = "linear"
 
     @model_validator(mode="after")
     def _one_offset_per_time(self) -> Self:

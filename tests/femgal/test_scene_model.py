@@ -143,7 +143,7 @@ def test_selectors(rest, parts):
         ("path = { times = [], offsets = [] }", ["path.times", "one or more times [s]"]),
         ("path = { times = [0, 1], offsets = [[0, 0, 0]] }", ["lists differ in length", "2 times, 1 offsets"]),
         ("path = { times = [0], offsets = [[0, 0]] }", ["path.offsets[0]: not three finite numbers"]),
-        ("path = { times = [0], offsets = [[0, 0, 0]], kind = 'cubic' }", ["path.kind", '"linear"']),
+        ("path = { times = [0], offsets = [[0, 0, 0]], kind = 'linear' }", ["path.kind", "unknown"]),
         ("rotation = { times = [0, 1], degrees = [0], axis = 'x' }", ["as many degrees as times"]),
         ("rotation = { times = [0], degrees = [0] }", ["constraints[0].rotation.axis: required key is missing"]),
         ("rotation = { times = [0], degrees = ['a'], axis = 'x' }", ["rotation.degrees[0]: wrong type"]),
