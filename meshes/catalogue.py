@@ -130,7 +130,7 @@ def _unknown(name: str) -> MeshError:
             "is known but not downloaded",
             where=name,
             found=f"no {registry()[name].cached}",
-            advice=f"femgal mesh download {name}",
+            advice=f"femgal mesh download {name}, or name a folder that holds {registry()[name].file} in {_VARIABLE}",
         )
     names = [entry.name for entry in known()]
     places = [str(folder) for folder in search_folders()] or [f"{_VARIABLE} (not set)"]

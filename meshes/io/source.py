@@ -22,7 +22,8 @@ def readable(path: str | Path) -> Path:
     try:
         if not path.is_file():
             what = "is a folder, not a mesh file" if path.is_dir() else "no such file"
-            raise MeshError(what, where=str(path), advice="check the spelling; `femgal mesh info` lists known names")
+            advice = "check the spelling; `femgal mesh info` lists known names, FEMGAL_MESH_PATH adds folders of yours"
+            raise MeshError(what, where=str(path), advice=advice)
         with path.open("rb") as stream:
             if not stream.read(1):
                 raise MeshError("the file is empty", where=str(path), found="0 bytes", allowed="a mesh")

@@ -81,6 +81,8 @@ def test_remote_meshes_are_known_but_not_fetched(folders, monkeypatch):
         resolve("ipc_bunny")
     assert "is known but not downloaded" in str(caught.value)
     assert "femgal mesh download ipc_bunny" in str(caught.value)
+    file = registry()["ipc_bunny"].file
+    assert f"a folder that holds {file} in FEMGAL_MESH_PATH" in str(caught.value)
     entry = next(entry for entry in known() if entry.name == "ipc_bunny")
     assert entry.kind == "remote"
     assert "MIT" in entry.terms
@@ -89,6 +91,8 @@ def test_remote_meshes_are_known_but_not_fetched(folders, monkeypatch):
     cached.touch()
     assert resolve("ipc_bunny").path == cached
     assert resolve("ipc_bunny").terms == entry.terms
+    (folders / "two" / file).touch()
+    assert resolve("ipc_bunny").path == folders / "two" / file
 
 
 def test_known_lists_each_name_once(folders):

@@ -191,7 +191,7 @@ def test_broken_meshes_are_refused(tmp_path, capsys, name, text, parts):
 
 
 def test_missing_file_and_folder(tmp_path):
-    refusal(tmp_path / "none.vtu", "no such file")
+    refusal(tmp_path / "none.vtu", "no such file", "femgal mesh info", "FEMGAL_MESH_PATH")
     refusal(tmp_path, "is a folder")
 
 
