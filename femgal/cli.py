@@ -46,6 +46,9 @@ class _LazyGroup(click.Group):
         except InputError as error:
             click.echo(f"error: {error}", err=True)
             ctx.exit(BAD_INPUT)
+        except MemoryError as error:
+            click.echo(f"error: not enough memory: {error}\n  do:      ask for fewer vertices", err=True)
+            ctx.exit(BAD_INPUT)
 
 
 def _print_version(ctx: click.Context, _option: click.Parameter, value: bool) -> None:

@@ -89,12 +89,17 @@ class EnergyGuard:
 
     def memory(self) -> dict[str, Any]:
         """What a checkpoint has to keep, JSON-ready."""
-        return {"injected": self.injected, "start": asdict(self.start) if self.start else None}
+        return {
+            "injected": self.injected,
+            "start": asdict(self.start) if self.start else None,
+            "last": asdict(self.last) if self.last else None,
+        }
 
     def restore(self, memory: Mapping[str, Any]) -> None:
         """Continue with what `memory` kept."""
         self.injected = float(memory["injected"])
         self.start = Energies(**memory["start"])
+        self.last = Energies(**memory["last"]) if memory["last"] else None
 
     def allow_for_motion(self, state: MotionState, duration: float) -> None:
         """Allow for what the prescribed vertices may put in over the next frame; costs nothing when none moves."""
@@ -118,15 +123,18 @@ class EnergyGuard:
         self._pending = 0.0
         self.last = energies
 
+    @property
+    def least_scale(self) -> float:
+        """Energy [J] of a strain of one in a million: a body at rest without load has no scale of its own."""
+        return 1e-12 * float(self._backend.disc.Vmu.sum())
+
     def limit(self) -> float:
         """Largest total energy [J] that is still believed."""
         assert self.start is not None
         disc = self._backend.disc
         height = float(np.ptp(disc.mesh.points, axis=0).max())
         falling = float(disc.mass.sum()) * float(np.linalg.norm(self._gravity)) * height
-        scale = self.start.kinetic + self.start.elastic + falling + self.injected + self._pending
-        # A body at rest without load has no scale of its own; its stiffness at one part in a million has.
-        scale += 1e-12 * float(disc.Vmu.sum())
+        scale = self.start.kinetic + self.start.elastic + falling + self.injected + self._pending + self.least_scale
         return self.start.total + RUNAWAY_FACTOR * scale
 
     def complaint(self, energies: Energies) -> str | None:

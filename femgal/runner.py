@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from femgal.failure import SolverFailure
 from femgal.output.checkpoint import load_checkpoint, save_checkpoint
 from femgal.output.fields import find_field
-from femgal.output.folder import has_checkpoint, prepare_output
+from femgal.output.folder import SCENE_FILE, has_checkpoint, locked, prepare_output
 from femgal.output.runlog import RunLog
 from femgal.output.series import SeriesWriter, open_series
 from femgal.scene.load import load_scene
 from femgal.scene.model import Scene
+from femgal.scene.write import scene_to_toml
 from femgal.simulation import Frame, Simulation, Stopped
 from femgal.timestep.state import MotionState
 from meshes.errors import InputError
@@ -45,6 +46,31 @@ class Progress:
 
     def frame(self, row: Mapping[str, Any]) -> None:
         """A frame is done."""
+
+
+class _Careful(Progress):
+    """Passes everything on until that fails: a closed terminal ends the telling, not the run."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+
+    def _tell(self, what: str, *arguments: Any) -> None:
+        try:
+            getattr(self._progress, what)(*arguments)
+        except OSError:
+            self._progress = Progress()
+
+    def announce(self, text: str) -> None:
+        self._tell("announce", text)
+
+    def start(self, simulation: Simulation, first_frame: int) -> None:
+        self._tell("start", simulation, first_frame)
+
+    def substep(self, substep: int, substeps: int) -> None:
+        self._tell("substep", substep, substeps)
+
+    def frame(self, row: Mapping[str, Any]) -> None:
+        self._tell("frame", row)
 
 
 @dataclass(eq=False)
@@ -77,6 +103,7 @@ def run(
     *,
     resume: bool = False,
     progress: Progress | None = None,
+    signals: bool = False,
 ) -> RunResult:
     """Solve a scene.
 
@@ -86,6 +113,8 @@ def run(
     out : Folder for the series, run.json and checkpoints; None keeps the displacements in the result instead.
     resume : Go on with the run in `out` from its last checkpoint, bit for bit as if it had not stopped.
     progress : Told what is being done.
+    signals : Take Ctrl-C and SIGTERM as the wish to stop after a checkpoint, and return. By default they do what they
+        always do; KeyboardInterrupt passes through after the checkpoint.
 
     Raises
     ------
@@ -93,21 +122,33 @@ def run(
         The scene or the folder cannot be used. Nothing has been lost or overwritten.
     """
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
-    progress = progress or Progress()
+    progress = _Careful(progress or Progress())
     if out is None:
-        return _Run(Simulation.prepare(scene, progress.announce), progress).go(None)
-    existed = Path(out).exists()
-    folder = prepare_output(Path(out), resume=resume)
-    try:
+        return _Run(Simulation.prepare(scene, progress.announce), progress, None, signals).go(None)
+    with _folder(Path(out), resume) as folder:
         simulation = Simulation.prepare(scene, progress.announce)
         point = _Point.load(folder, simulation) if resume and has_checkpoint(folder) else None
-        recorder = _Recorder(folder, simulation, point)
-    except ValueError:
+        try:
+            recorder = _Recorder(folder, simulation, point)
+        except OSError as error:
+            advice = "free some space, or choose another --out"
+            raise InputError("the run cannot be begun", where=str(folder), found=error, advice=advice) from error
+        return _Run(simulation, progress, recorder, signals).go(point)
+
+
+@contextlib.contextmanager
+def _folder(out: Path, resume: bool) -> Iterator[Path]:
+    """The output folder, locked; one that was made for nothing is removed again."""
+    existed = out.exists()
+    folder = prepare_output(out, resume=resume)
+    try:
+        with locked(folder):
+            yield folder
+    except BaseException:
         if not existed:
             with contextlib.suppress(OSError):
                 folder.rmdir()
         raise
-    return _Run(simulation, progress, recorder).go(point)
 
 
 @dataclass(frozen=True)
@@ -160,6 +201,7 @@ class _Recorder:
         kept = None if point is None else point.frame + 1
         if kept is None:
             self.log = RunLog.create(folder, _header(simulation))
+            (folder / SCENE_FILE).write_text(scene_to_toml(simulation.scene), encoding="utf-8")
         static_point, static_cell = simulation.static_fields()
         self._series: SeriesWriter = open_series(
             folder,
@@ -207,17 +249,17 @@ class _Recorder:
 class _Run:
     """One call of `run`."""
 
-    def __init__(self, simulation: Simulation, progress: Progress, recorder: _Recorder | None = None) -> None:
+    def __init__(self, simulation: Simulation, progress: Progress, recorder: _Recorder | None, signals: bool) -> None:
         self._simulation, self._progress, self._recorder = simulation, progress, recorder
         self._result = RunResult("finished", simulation, out=recorder.folder if recorder else None)
-        self._stop = False
+        self._stop, self._signals = False, signals
         self._last: Frame | None = None
 
     def go(self, point: _Point | None) -> RunResult:
         """Solve all frames, and end well whatever happens."""
         resume = (point.frame, point.state, point.guard) if point else None
         self._result.state = point.state if point else None
-        with _signals(self._ask_to_stop):
+        with _signals(self._ask_to_stop) if self._signals else contextlib.nullcontext():
             try:
                 self._progress.announce("compiling kernels (first run only) and estimating spectra")
                 self._simulation.compile(point.state if point else None)
@@ -230,6 +272,9 @@ class _Run:
                 self._end("interrupted")
             except (SolverFailure, OSError) as failure:
                 self._end("failed", failure)
+            except (KeyboardInterrupt, SystemExit):
+                self._end("interrupted")
+                raise
             except BaseException as error:
                 self._end("failed", error)
                 raise

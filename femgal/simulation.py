@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -24,11 +25,19 @@ from femgal.scene.plan import Plan, make_plan
 from femgal.timestep.build import build_stepper
 from femgal.timestep.potential import eps18
 from femgal.timestep.state import MotionState, TimeStepper
+from meshes.errors import InputError
 
 Floats = NDArray[np.float64]
 
 # A frame that its method rejects is taken again with more substeps, at most so often.
 MOST_RETAKES = 8
+
+# Velocity Verlet keeps the energy up to an oscillation that falls with h^2. A frame in which it grows by more than this
+# share has stepped too far for a motion that stiffens within the frame.
+MOST_GAIN = 0.01
+
+# Positions [m] and velocities [m/s] beyond this are taken for mistakes; files hold them in single precision.
+LARGEST = 1e12
 
 # Called with what is being done now: "building mesh", "compiling", ...
 Announce = Callable[[str], None]
@@ -102,6 +111,7 @@ class Simulation:
         """
         announce("building the mesh")
         world = build_world(scene)
+        _check_start(world)
         constrained = np.concatenate([np.empty(0, np.int64), *(motion.vertices for motion in world.motions)])
         disc = discretise(world.mesh, world.E, world.nu, world.rho, constrained)
         hierarchy = None
@@ -134,7 +144,11 @@ class Simulation:
 
     def static_fields(self) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
         """Output fields that never change: (per vertex, per tetrahedron)."""
-        cell: dict[str, NDArray] = {"region": self.world.mesh.regions, "body": self.world.body}
+        world = self.world
+        cell: dict[str, NDArray] = {"region": world.mesh.regions, "body": world.body}
+        if "material" in self.plan.fields:
+            moduli = np.stack([world.E, world.nu, world.rho], axis=1)
+            cell["material"] = np.unique(moduli, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int32)
         point: dict[str, NDArray] = {}
         for number, layer in enumerate(self.hierarchy.layers if self.hierarchy else ()):
             point[f"cluster_{number}"] = layer.parent[:, 0]
@@ -197,6 +211,8 @@ class Simulation:
             self._unconverged = 0
             after, done = self._substeps(state, substeps, on_substep)
             after, wanted = self.stepper.end_frame(after, self.frame_duration, substeps)
+            if wanted is None and self.plan.runs("energy check"):
+                wanted = self._gain(after, substeps)
             if wanted is None:
                 break
             if retakes < MOST_RETAKES:
@@ -204,7 +220,7 @@ class Simulation:
         if done < substeps or not np.isfinite(after.x.sum()):
             raise self._failure("positions are not finite", index, done, after)
         if wanted is not None:
-            what = f"{substeps} substeps are still too few for a stable step after {MOST_RETAKES} retakes"
+            what = f"{substeps} substeps are still too few for a stable motion after {MOST_RETAKES} retakes"
             raise self._failure(what, index, None, after)
         state = after
         # Adding h many times drifts; the frame's own time does not.
@@ -220,6 +236,15 @@ class Simulation:
             passes_by_kind=by_kind,
         )
         return frame, energies
+
+    def _gain(self, state: MotionState, substeps: int) -> int | None:
+        """More substeps, when a method that should keep the energy has let it grow over the frame."""
+        energies, _, _ = energies_of(self.backend, state, self.gravity)
+        before = self.guard.last or self.guard.start
+        assert before is not None
+        gain = energies.total - before.total
+        kept = gain <= MOST_GAIN * (before.kinetic + before.elastic + self.guard.least_scale)
+        return None if kept else math.ceil(1.5 * substeps)
 
     def _substeps(self, state: MotionState, substeps: int, on_substep: OnSubstep) -> tuple[MotionState, int]:
         """The substeps of one frame, and how many were made before the positions ceased to be finite."""
@@ -276,7 +301,23 @@ class Simulation:
         if settings.name == "verlet":
             return "leave solver.substeps out, or lower solver.safety; or take --solver fas"
         advice = f"more substeps (--substeps {2 * (self.plan.substeps or 1)})"
-        return advice if settings.steps == "spectral" else f"{advice}, or --set solver.steps=spectral"
+        return advice if settings.steps == "exact" else f"{advice}, or --set solver.steps=exact"
+
+
+def _check_start(world: World) -> None:
+    for name, unit, values in (
+        ("rest positions", "m", world.mesh.points),
+        ("start positions", "m", world.x0),
+        ("start velocities", "m/s", world.v0),
+    ):
+        largest = float(np.abs(values).max())
+        if not largest <= LARGEST:
+            raise InputError(
+                f"{name} are out of bounds",
+                found=f"{largest:.3g} {unit}",
+                allowed=f"up to {LARGEST:.0e} {unit}",
+                advice="check size, translate, velocity and initial of the bodies, and the paths",
+            )
 
 
 def _norms(residual: Floats | None, n: int) -> Floats:

@@ -62,13 +62,13 @@ def make(name: str, vertices: int | None, out: Path | None, force: bool, as_json
 @_JSON
 def info(name: str | None, as_json: bool) -> None:
     """Describe a file or a mesh of the catalogue; without NAME, list the catalogue."""
+    if name is None:
+        _list(as_json)
+        return
     from meshes.catalogue import resolve
     from meshes.make import load
     from meshes.types import TriMesh
 
-    if name is None:
-        _list(as_json)
-        return
     loaded = load(resolve(name))
     if isinstance(loaded, TriMesh):
         _show_surface(loaded, as_json)

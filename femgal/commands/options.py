@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from femgal.scene.model import Scene
 
 _OPTIONS = (
-    click.argument("scene", default="rabbit-drape"),
+    click.argument("scene", required=False),
     click.option("--vertices", type=click.IntRange(min=8), help="Vertices of every body."),
     click.option("--frames", type=click.IntRange(min=1), help="Number of frames."),
     click.option("--solver", help="fas, jacobi, scalar-jacobi or verlet."),
@@ -31,23 +31,24 @@ def scene_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def scene_from_options(
-    scene: str,
+    scene: str | None,
     vertices: int | None,
     frames: int | None,
     settings: tuple[str, ...],
     **solver: str | int | None,
 ) -> Scene:
-    """Load the scene that the options describe.
+    """Load the scene that the options describe; the default one when none is named.
 
     Raises
     ------
     InputError
         The scene, or a value given, cannot be used.
     """
+    from femgal.scene.builtin import DEFAULT
     from femgal.scene.load import load_scene
     from femgal.scene.overrides import parse_override
 
     overrides: dict[str, object] = dict(parse_override(text) for text in settings)
     names = {"solver": "solver.name"}
     overrides |= {names.get(k, f"solver.{k}"): v for k, v in solver.items() if v is not None}
-    return load_scene(scene, vertices=vertices, frames=frames, overrides=overrides)
+    return load_scene(scene or DEFAULT, vertices=vertices, frames=frames, overrides=overrides)

@@ -46,10 +46,21 @@ def _print_tables(simulation: Any) -> None:
     console = Console() if sys.stdout.isatty() else Console(width=140)
     scene, plan = simulation.scene, simulation.plan
     console.print(f"{scene.name}: {simulation.disc.n_vertices} vertices, {simulation.disc.n_tets} tetrahedra")
-    numbers = [Column(name, justify="right", no_wrap=True) for name in ("unknowns", "tets", "passes")]
-    table = Table("when", Column("stage", no_wrap=True), "", *numbers, "note", box=box.SIMPLE_HEAD, pad_edge=False)
+    # Narrow terminals show what each stage costs and why, without the counts behind it.
+    counts = ("unknowns", "tets") if console.width >= 110 else ()
+    numbers = [Column(name, justify="right", no_wrap=True) for name in (*counts, "passes")]
+    table = Table(
+        "when",
+        Column("stage", no_wrap=True),
+        Column("", no_wrap=True),
+        *numbers,
+        Column("note", overflow="fold"),
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+    )
     for row in plan.rows():
-        table.add_row(*row, style="dim" if row[2] == "skipped" else None)
+        cells = row if counts else (*row[:3], *row[5:])
+        table.add_row(*cells, style="dim" if row[2] == "skipped" else None)
     console.print(table)
     if simulation.hierarchy:
         console.print(str(simulation.hierarchy), highlight=False, soft_wrap=True)

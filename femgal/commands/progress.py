@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -38,13 +39,16 @@ class TerminalProgress(Progress):
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._bar.stop()
+        # The terminal may be gone by now; the run is not.
+        with contextlib.suppress(OSError):
+            self._bar.stop()
 
     def announce(self, text: str) -> None:
-        """Print how long the last thing took and what comes next."""
+        """Print how long the last thing took; on a terminal also what comes next."""
         self._close()
         self._doing, self._since = text, time.perf_counter()
-        self._console.print(f"{text} ...", style="dim")
+        if self._console.is_terminal:
+            self._console.print(f"{text} ...", style="dim")
 
     def start(self, simulation: Simulation, first_frame: int) -> None:
         """Print mesh and warnings, and start the bar."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.discretisation import Discretisation
+from meshes.connectivity import component_labels
 from meshes.jit import kernel
 
 Floats = NDArray[np.float64]
@@ -80,6 +81,23 @@ def finest_layer(disc: Discretisation) -> Layer:
     n_free = int(disc.free.sum())
     parent[disc.free, 0] = np.arange(n_free, dtype=np.int32)
     return build_layer(disc, parent, np.ones((disc.n_vertices, 1)), n_free, "vertices")
+
+
+def free_parts(disc: Discretisation) -> Layer | None:
+    """The layer whose nodes are the connected parts that no constraint holds; None when all are held.
+
+    Elastic forces on such a part sum to zero, so its block is its mass alone and no element is active: a step of
+    length 1 on this layer puts its centre of mass where the equation of motion has it, and so keeps its momentum.
+    """
+    part = component_labels(disc.mesh.cells)
+    held = np.zeros(disc.n_vertices, bool)
+    held[part[~disc.free]] = True
+    roots = np.unique(part[~held[part]])
+    if len(roots) == 0:
+        return None
+    node = np.full(disc.n_vertices, -1, np.int32)
+    node[roots] = np.arange(len(roots), dtype=np.int32)
+    return build_layer(disc, node[part][:, None].copy(), np.ones((disc.n_vertices, 1)), len(roots), "free parts")
 
 
 def _transpose(parent: Ints, weight: Floats, n_nodes: int) -> tuple[Longs, Ints, Floats]:

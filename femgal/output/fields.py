@@ -48,6 +48,7 @@ _CATALOGUE = (
     Field("J", "cell", 1, "-", False, "det F, the volume ratio; negative where a tetrahedron is inverted"),
     Field("energy_density", "cell", 1, "J/m^3", False, "elastic energy per rest volume"),
     Field("region", "cell", 1, "-", True, "region id, which selects the material"),
+    Field("material", "cell", 1, "-", True, "number of the combination of E, nu and rho that the tetrahedron has"),
     Field("body", "cell", 1, "-", True, "id of the body that the tetrahedron belongs to"),
 )
 

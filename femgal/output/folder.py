@@ -3,11 +3,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
+import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from femgal.output import checkpoint, runlog
 from meshes.errors import InputError
+
+SCENE_FILE = "scene.toml"
 
 _TRACES = (runlog.FILE_NAME, checkpoint.FILE_NAME, "frames.vtkhdf", "frames.pvd", "frames")
 
@@ -39,6 +45,29 @@ def prepare_output(folder: Path, *, resume: bool) -> Path:
         raise _error("output folder holds an earlier run", path, ", ".join(traces), "a new or empty folder", advice)
     _try_writing(path)
     return path
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold the folder while the block runs; a lock ends with its process, however that ends.
+
+    Raises
+    ------
+    InputError
+        Another run is writing there.
+    """
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            advice = "wait for it, or choose another --out"
+            raise _error(
+                "another run is writing to this folder", folder, "a lock", "a folder of its own", advice
+            ) from None
+        yield
+    finally:
+        os.close(handle)
 
 
 def has_checkpoint(folder: Path) -> bool:

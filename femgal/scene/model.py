@@ -140,7 +140,7 @@ class SolverSettings(Table):
     """
 
     name: Literal["fas", "jacobi", "scalar-jacobi", "verlet"] = "fas"
-    substeps: Count | None = None
+    substeps: Annotated[Count, Field(le=10_000_000)] | None = None
     iterations: Count = 1
     tolerance: Annotated[Number, Field(gt=0), Unit("m")] | None = None
     ratio: Annotated[Count, Field(ge=2)] = 32
@@ -198,7 +198,7 @@ class Scene(Table):
     name: Text = "scene"
     description: Text = ""
     frames: Count = 60
-    frames_per_second: Annotated[Number, Field(gt=0), Unit("1/s")] = 60.0
+    frames_per_second: Annotated[Number, Field(ge=1e-6, le=1e9), Unit("1/s")] = 60.0
     gravity: Annotated[Vector, Unit("m/s^2")] = (0.0, 0.0, -9.81)
     damping: Annotated[Number, Field(ge=0), Unit("1/s")] = 0.0
     bodies: Annotated[tuple[Body, ...], NotEmpty, Words("at least one [[bodies]] table")]

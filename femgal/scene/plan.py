@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from femgal.diagnostics import SAMPLES
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import FEWEST_NODES, Hierarchy
@@ -18,6 +20,7 @@ from femgal.scene.build import World
 from femgal.scene.model import Scene
 from femgal.scene.problems import Problem, SceneError
 from femgal.timestep.velocity_verlet import FOLLOW_ITERATIONS
+from meshes.connectivity import component_labels
 
 # Substeps per frame where the scene leaves them open, as Lu et al. 2025 take for most scenes (Table 1).
 DEFAULT_SUBSTEPS = 100
@@ -176,9 +179,17 @@ def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | No
     passes = 1.0 + iterations * sum(active) / disc.n_tets if exact else 0.0
     note = "energy along each correction" if exact else "step lengths are fixed"
     stages.append(Stage("exact steps", "substep", exact, note, 0, sum(active) if exact else 0, passes))
+    held = not _has_free_parts(disc)
+    note = "every part is held by a constraint" if held else "centre of mass of parts that no constraint holds"
+    stages.append(Stage("momentum of free parts", "substep", not held, note))
     test = scene.solver.tolerance is not None
     note = f"eps18 <= {scene.solver.tolerance:g} m, at most" if test else "no tolerance"
     return [*stages, Stage("stopping test", "substep", test, note, passes=float(iterations + 1) if test else 0.0)]
+
+
+def _has_free_parts(disc: Discretisation) -> bool:
+    part = component_labels(disc.mesh.cells)
+    return bool(np.setdiff1d(part, part[~disc.free]).size)
 
 
 def _layer_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy) -> list[Stage]:
@@ -209,6 +220,7 @@ def _unneeded_layer(scene: Scene, n_free: int, hierarchy: Hierarchy) -> Stage:
 def _frame_stages(scene: Scene, disc: Discretisation, explicit: bool, moving: bool) -> list[Stage]:
     output = scene.output
     follow = explicit and scene.solver.substeps is None
+    check = follow and not moving
     residual_note = "an explicit method has no residual" if explicit else "eps18 and its field"
     stages = [
         Stage(
@@ -220,6 +232,13 @@ def _frame_stages(scene: Scene, disc: Discretisation, explicit: bool, moving: bo
             follow,
             "followed as the body deforms" if follow else "no stability limit to follow",
             passes=1.0 + FOLLOW_ITERATIONS if follow else 0.0,
+        ),
+        Stage(
+            "energy check",
+            "frame",
+            check,
+            "a frame whose energy grows is taken again" if check else "implicit, driven, or substeps given",
+            passes=1.0 if check else 0.0,
         ),
         Stage("energies", "frame", True, "energies and smallest J", 0, disc.n_tets, 1.0),
         Stage("residual", "frame", not explicit, residual_note, 0, disc.n_tets, 0.0 if explicit else 1.0),

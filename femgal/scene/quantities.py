@@ -100,7 +100,7 @@ Index = Annotated[Integer, Field(ge=0)]
 YoungsModulus = Annotated[Number, Field(gt=0), Unit("Pa")]
 PoissonsRatio = Annotated[Number, Field(gt=-1, lt=0.5)]
 Density = Annotated[Number, Field(gt=0), Unit("kg/m^3")]
-Length = Annotated[Number, Field(gt=0), Unit("m")]
+Length = Annotated[Number, Field(gt=0, le=1e9), Unit("m")]
 
 Triple = tuple[float, float, float]
 Vector = Annotated[Triple, BeforeValidator(_vector), Words("three finite numbers, [x, y, z]")]

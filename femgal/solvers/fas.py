@@ -15,9 +15,10 @@ class FAS(Relaxation):
     """One iteration is one pass over the layers from coarse to fine, with fresh gradients and blocks on each."""
 
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
-        """One coarse-to-fine pass."""
+        """One coarse-to-fine pass, then the momentum of free parts."""
         corrections = [
             smooth(potential, layer, state.x, float(w))
             for layer, w in zip(self.layers[::-1], self._w[::-1], strict=True)
         ]
+        self.restore_momentum(potential, state.x)
         return SolverState(state.x, state.iteration + 1, tuple(corrections[::-1]))

@@ -16,8 +16,9 @@ class Jacobi(Relaxation):
     """One iteration smooths the finest layer once with its 3x3 vertex blocks."""
 
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
-        """One sweep over the vertices."""
+        """One sweep over the vertices, then the momentum of free parts."""
         correction = smooth(potential, self.layers[0], state.x, float(self._w[0]), scalar=self.scalar)
+        self.restore_momentum(potential, state.x)
         return SolverState(state.x, state.iteration + 1, (correction,))
 
 

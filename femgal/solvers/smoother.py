@@ -110,12 +110,16 @@ class Relaxation(ABC):
     layers : Layers, finest first.
     steps : "spectral", "exact", or (coarse, finest) step lengths.
     budget : When to stop.
+    free_parts : Layer of the parts that no constraint holds, corrected last with a step of 1; None when there is none.
+        Block Jacobi weights the vertices by their blocks, not by their masses, so on its own it moves the centre of
+        mass of a free body.
     """
 
     backend: CpuBackend
     layers: tuple[Layer, ...]
     steps: StepRule = "spectral"
     budget: Budget = field(default_factory=Budget)
+    free_parts: Layer | None = None
     _w: Floats = field(default_factory=lambda: np.empty(0), init=False, repr=False)
 
     scalar: ClassVar[bool] = False
@@ -149,6 +153,11 @@ class Relaxation(ABC):
     @abstractmethod
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
         """One iteration."""
+
+    def restore_momentum(self, potential: IncrementalPotential, x: Floats) -> None:
+        """Put the centre of mass of every free part where its momentum takes it, in place."""
+        if self.free_parts is not None:
+            smooth(potential, self.free_parts, x, 1.0)
 
     def finished(self, potential: IncrementalPotential, state: SolverState) -> Outcome | None:
         """The reason to stop, or None to go on."""

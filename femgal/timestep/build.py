@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from femgal.hierarchy.hierarchy import Hierarchy
+from femgal.hierarchy.layer import free_parts
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan
@@ -32,8 +33,9 @@ def build_stepper(
     if settings.name == "verlet":
         return VelocityVerlet(backend, gravity, damping, motions, settings.safety, settings.substeps)
     layers = hierarchy.layers if hierarchy else (backend.vertices,)
+    parts = free_parts(backend.disc) if plan.runs("momentum of free parts") else None
     budget = Budget(settings.iterations, settings.tolerance)
-    solver = _SOLVERS[settings.name](backend, layers, _steps(settings), budget)
+    solver = _SOLVERS[settings.name](backend, layers, _steps(settings), budget, parts)
     assert plan.substeps is not None
     return BackwardEuler(backend, solver, plan.substeps, gravity, damping, motions)
 

@@ -20,6 +20,9 @@ Floats = NDArray[np.float64]
 # small residual from the first one on, whatever has become faster meanwhile.
 FOLLOW_ITERATIONS = 6
 
+# Share of the extra substeps, learnt from a frame taken again, that is left one frame later.
+CAUTION_KEPT = 0.99
+
 
 @dataclass(eq=False)
 class VelocityVerlet:
@@ -56,7 +59,12 @@ class VelocityVerlet:
             now = omega2
             if not np.array_equal(x, X):
                 now, mode = largest_frequency_squared(self.backend, x, mode)
-            memory |= {"mode": mode, "omega2_rest": np.array([omega2]), "omega2": np.array([now])}
+            memory |= {
+                "caution": np.ones(1),
+                "mode": mode,
+                "omega2_rest": np.array([omega2]),
+                "omega2": np.array([now]),
+            }
         return MotionState(0.0, x, v, memory)
 
     def begin_frame(self, state: MotionState, duration: float) -> tuple[MotionState, int]:
@@ -67,8 +75,11 @@ class VelocityVerlet:
         """
         if self.substeps is not None:
             return state, self.substeps
+        return state, self._planned(state, duration, float(state.memory["caution"][0]))
+
+    def _planned(self, state: MotionState, duration: float, caution: float) -> int:
         omega2 = max(float(state.memory["omega2_rest"][0]), float(state.memory["omega2"][0]))
-        return state, max(1, math.ceil(duration * math.sqrt(omega2) / (2.0 * self.safety)))
+        return max(1, math.ceil(caution * duration * math.sqrt(omega2) / (2.0 * self.safety)))
 
     def end_frame(self, state: MotionState, duration: float, substeps: int) -> tuple[MotionState, int | None]:
         """Estimate the stable step at the end of a frame; asks for more substeps if those taken were too long."""
@@ -84,7 +95,13 @@ class VelocityVerlet:
         needed = duration * math.sqrt(omega2) / 2.0 if math.isfinite(omega2) else math.inf
         if substeps < needed:
             return state, math.ceil(min(needed / self.safety, 4 * substeps))
-        return replace(state, memory=state.memory | {"mode": mode, "omega2": np.array([omega2])}), None
+        # A frame that had to be taken again says that the motion stiffens between two looks: the next ones take the
+        # same care, which fades.
+        caution = max(1.0, CAUTION_KEPT * float(state.memory["caution"][0]))
+        if substeps > self._planned(state, duration, float(state.memory["caution"][0])):
+            caution = substeps / self._planned(state, duration, 1.0)
+        memory = {"mode": mode, "omega2": np.array([omega2]), "caution": np.array([caution])}
+        return replace(state, memory=state.memory | memory), None
 
     def step(self, state: MotionState, h: float) -> MotionState:
         """One kick-drift-kick step."""

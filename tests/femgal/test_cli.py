@@ -46,7 +46,12 @@ def test_run_writes_only_below_out(tmp_path, scene_file):
     result = femgal("run", scene_file, "--out", "out", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"beam.toml", "out"}
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"frames.vtkhdf", "run.json", "checkpoint.h5"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "frames.vtkhdf",
+        "run.json",
+        "scene.toml",
+        "checkpoint.h5",
+    }
     assert "frame 6" in result.stderr
     assert "7 frames" in result.stdout
 
@@ -160,8 +165,11 @@ def test_interrupt_and_resume(tmp_path, long_scene):
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130, stderr
-    assert "--resume" in stderr
-    assert femgal(*arguments, "--resume", cwd=tmp_path).returncode == 0
+    assert "femgal run --out" in stderr
+    # The folder knows its scene.
+    assert femgal("run", "--out", "parts", "--resume", cwd=tmp_path).returncode == 0
+    again = femgal("run", "--out", "parts", "--resume", cwd=tmp_path)
+    assert "all 40 frames are there" in again.stdout
     assert femgal("run", long_scene, "--out", "whole", cwd=tmp_path).returncode == 0
     assert_same_run(tmp_path / "whole", tmp_path / "parts")
 

@@ -175,6 +175,10 @@ def test_planned_passes_are_those_that_are_made(solver, lines, constraint):
     if "tolerance" in lines and not constraint:
         # A body in free flight meets any tolerance at once: the plan says "at most".
         assert row["passes"] < planned
+    elif row["retakes"]:
+        # The plan cannot know which frames have to be taken again.
+        assert solver == "verlet"
+        assert row["passes"] > planned
     else:
         assert row["passes"] == pytest.approx(planned, rel=1e-12)
 

@@ -57,6 +57,19 @@ def test_a_run_writes_what_it_computed(tmp_path):
     assert log["mesh"]["sha256"] == result.simulation.world.mesh.content_hash
 
 
+def test_the_material_field_numbers_what_differs(tmp_path):
+    soft = {"where": {"halfspace": {"point": [0.5, 0, 0], "normal": [1, 0, 0]}, "relative": True}, "E": 1e4}
+    scene = load_scene("beam-stretch", vertices=250, frames=1, overrides={"bodies.0.regions": [soft]})
+    scene = scene.model_copy(
+        update={"output": scene.output.model_copy(update={"fields": ("displacement", "material")})}
+    )
+    world = run(scene, tmp_path / "out").simulation.world
+    material = read_run(tmp_path / "out").cell_data("material", 1)
+    moduli = {(m, *row) for m, row in zip(material, np.stack([world.E, world.nu, world.rho], axis=1), strict=True)}
+    # Four beams of different nu, one of them with a soft half.
+    assert len(moduli) == len(set(material)) == 5
+
+
 def test_vtk_reads_every_step(tmp_path):
     vtk = pytest.importorskip("vtkmodules.vtkIOHDF")
     from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -120,7 +133,7 @@ VARIANTS = [
 def test_interrupted_and_resumed_is_bitwise_the_same(tmp_path, options):
     scene = hanging_beam(**options)
     whole = run(scene, tmp_path / "whole")
-    stopped = run(scene, tmp_path / "parts", progress=StopAfter(3))
+    stopped = run(scene, tmp_path / "parts", progress=StopAfter(3), signals=True)
     assert stopped.status == "interrupted"
     assert log_of(tmp_path / "parts")["status"] == "interrupted"
     assert stopped.rows[-1]["frame"] == 3
@@ -138,6 +151,59 @@ def test_interrupted_and_resumed_is_bitwise_the_same(tmp_path, options):
     keys = ("frame", "time", "passes", "eps18", "total_energy", "min_J", "substeps")
     rows = [[{k: row[k] for k in keys} for row in log_of(tmp_path / f)["frames"]] for f in ("whole", "parts")]
     assert rows[0] == rows[1]
+
+
+def test_without_signals_an_interrupt_passes_through(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        run(hanging_beam(), tmp_path / "out", progress=StopAfter(3))
+    assert log_of(tmp_path / "out")["status"] == "interrupted"
+    assert [row["frame"] for row in run(hanging_beam(), tmp_path / "out", resume=True).rows] == [4, 5, 6]
+
+
+def test_a_folder_has_one_run_at_a_time(tmp_path):
+    class Second(Progress):
+        refused = None
+
+        def frame(self, row):
+            with pytest.raises(InputError, match="another run is writing") as caught:
+                run(hanging_beam(), tmp_path / "out", resume=True)
+            self.refused = caught
+
+    second = Second()
+    assert run(hanging_beam(frames=1), tmp_path / "out", progress=second).status == "finished"
+    assert second.refused
+
+
+def test_a_closed_terminal_does_not_end_a_run(tmp_path):
+    class Closed(Progress):
+        def frame(self, row):
+            raise BrokenPipeError
+
+    result = run(hanging_beam(frames=2), tmp_path / "out", progress=Closed())
+    assert result.status == "finished"
+    assert len(log_of(tmp_path / "out")["frames"]) == 3
+
+
+@pytest.mark.parametrize("solver", ["fas", "jacobi", "scalar-jacobi", "verlet"])
+def test_a_free_body_keeps_its_momentum(solver):
+    overrides = {"solver.name": solver, "solver.substeps": None if solver == "verlet" else 20}
+    overrides |= {"bodies.0.initial": {"kind": "flat", "thickness": 0.5}, "bodies.0.velocity": [0.3, -0.2, 0.1]}
+    result = run(load_scene("cube-random", vertices=343, frames=5, overrides=overrides))
+    mass, state = result.simulation.disc.mass, result.state
+    v = mass @ state.v / mass.sum()
+    # The scale is the speed at which the cube springs back, some ten metres a second.
+    np.testing.assert_allclose(v, [0.3, -0.2, 0.1], atol=1e-10)
+    moved = mass @ (state.x - result.simulation.world.x0) / mass.sum()
+    np.testing.assert_allclose(moved, np.array([0.3, -0.2, 0.1]) * 5 / 60, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("velocity", [1e300, 0, 0]), ("initial", {"kind": "random", "scale": 1e100})]
+)
+def test_a_start_out_of_bounds_is_refused(tmp_path, key, value):
+    with pytest.raises(InputError, match="out of bounds"):
+        run(load_scene("cube-random", vertices=64, overrides={f"bodies.0.{key}": value}), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_frames_after_the_checkpoint_are_computed_again(tmp_path):
