@@ -24,6 +24,28 @@ def drop_unused(points: Points, cells: Cells) -> tuple[Points, Cells, list[str]]
     return points[used], renumbered[cells], [f"dropped {unused} of {len(points)} vertices that no cell uses"]
 
 
+def refuse_repeated(tets: Cells, where: str) -> None:
+    """Refuse a mesh that lists a tetrahedron twice, whatever the order of its vertices: it would count twice.
+
+    Raises
+    ------
+    MeshError
+        Naming the first pair.
+    """
+    vertices = np.sort(tets, axis=1)
+    order = np.lexsort(vertices.T)
+    repeated = np.flatnonzero((vertices[order[1:]] == vertices[order[:-1]]).all(axis=1))
+    if len(repeated):
+        first, second = sorted(order[repeated[0] : repeated[0] + 2].tolist())
+        raise MeshError(
+            f"{len(repeated)} of {len(tets)} tetrahedra are listed more than once",
+            where=where,
+            found=f"tetrahedra {first} and {second}, vertices {tets[first].tolist()}",
+            allowed="each tetrahedron once",
+            advice="remove the copies",
+        )
+
+
 def repair_winding(points: Points, tets: Cells, where: str) -> tuple[Cells, list[str]]:
     """Turn tetrahedra of negative volume by swapping their last two vertices.
 

@@ -14,7 +14,7 @@ from meshes.errors import InputError, MeshError
 from meshes.io.gaia import read_t, write_t
 from meshes.io.meshio_reader import FORMATS, read_with_meshio
 from meshes.io.raw import RawMesh
-from meshes.io.repair import drop_unused, repair_winding
+from meshes.io.repair import drop_unused, refuse_repeated, repair_winding
 from meshes.io.source import file_origin, readable, writable
 from meshes.types import TetMesh, checked_cells, checked_points, checked_regions
 
@@ -95,6 +95,7 @@ def tets_of(raw: RawMesh, path: Path) -> tuple[TetMesh, list[str]]:
     cells = checked_cells(raw.cells("tetra", 4), len(points), 4, "tetrahedron", where)
     points, cells, dropped = drop_unused(points, cells)
     cells, turned = repair_winding(points, cells, where)
+    refuse_repeated(cells, where)
     mesh = TetMesh(points, cells, file_origin(path), regions)
     return mesh, messages + dropped + turned
 

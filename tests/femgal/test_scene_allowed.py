@@ -36,7 +36,7 @@ def test_every_key_has_words():
         (Body, "E", "0 < E [Pa]"),
         (Body, "nu", "-1 < nu < 0.5"),
         (Body, "vertices", "8 <= vertices, an integer"),
-        (Body, "height", "0 < height [m]"),
+        (Body, "height", "0 < height <= 1e+09 [m]"),
         (Body, "translate", "three finite numbers, [x, y, z] [m]"),
         (Body, "up", '"x", "y", "z"'),
         (Body, "mesh", "a catalogue name or the path of a mesh file"),

@@ -172,6 +172,7 @@ def test_boundary_cells_are_ignored_with_a_message(tmp_path):
         ("nan.t", TET.replace("Vertex 2 0 1 0", "Vertex 2 0 nan 0"), ("not finite", "vertex 2")),
         ("flat.t", TET.replace("Vertex 3 0 0 1", "Vertex 3 1 1 0"), ("zero volume", "tetrahedron 0")),
         ("twice.t", TET.replace("Tet 0 0 1 2 3", "Tet 0 0 1 2 2"), ("zero volume",)),
+        ("copy.t", TET + "Tet 1 1 2 0 3\n", ("listed more than once", "tetrahedra 0 and 1", "remove the copies")),
         ("word.t", TET + "Hex 0 0 1 2 3 4 5 6 7\n", ("line 6", "Hex", "'Vertex id x y z'")),
         ("short.t", TET[:-3], ("line 5", "Tet 0 0 1")),
         ("double.t", TET + "Vertex 2 0 0 0\n", ("defined twice", "Vertex 2")),
