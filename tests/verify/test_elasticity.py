@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The assembled reference against itself and closed forms: the tests of the core rest on it.
+
+1. The gradient is the derivative of the energy, the Hessian that of the gradient (central differences), at random and
+   inverted states.
+2. The Hessian is symmetric; at rest of a free body exactly six of its eigenvalues vanish and none is negative.
+3. A confined stretch s has the energy V ((mu + lam) / 2 (s - 1)^2).
+4. The lumped masses add up to density times volume.
+5. cofactor(F)^T F = det F I, and its derivative agrees with differences.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.femgal.problems import distorted_box, positions, rng
+from verify.reference.elasticity import AssembledElasticity, cofactor, cofactor_derivative, lumped_mass
+
+MESH = distorted_box((3, 2, 2))
+MU, LAM = 3.0, 11.0
+
+
+@pytest.fixture(scope="module")
+def assembled():
+    return AssembledElasticity(MESH, MU, LAM)
+
+
+@pytest.mark.parametrize("state", ["random", "inverted"])
+def test_derivatives(assembled, state):
+    x, d = positions(MESH, state), rng(301).standard_normal(MESH.points.shape)
+    d /= np.linalg.norm(d)
+    h = 1e-5
+    slope = (assembled.energy(x + h * d) - assembled.energy(x - h * d)) / (2 * h)
+    g, H = assembled.gradient(x), assembled.hessian(x)
+    # Differences lose the square root of rounding, relative to the terms that cancel.
+    assert slope == pytest.approx((g * d).sum(), abs=1e-6 * np.linalg.norm(g))
+    curvature = (assembled.gradient(x + h * d) - assembled.gradient(x - h * d)).ravel() / (2 * h)
+    np.testing.assert_allclose(H @ d.ravel(), curvature, atol=1e-6 * np.linalg.norm(curvature))
+
+
+def test_rest_hessian_has_the_six_rigid_motions(assembled):
+    H = assembled.hessian(MESH.points).toarray()
+    np.testing.assert_allclose(H, H.T, atol=1e-12 * np.abs(H).max())
+    values = np.linalg.eigvalsh(H)
+    assert (np.abs(values[:6]) < 1e-10 * values[-1]).all()
+    assert values[6] > 1e-6 * values[-1]
+
+
+@pytest.mark.parametrize("s", [0.5, 1.0, 1.7])
+def test_confined_stretch(assembled, s):
+    volume = float(MESH.volumes.sum())
+    expected = volume * 0.5 * (MU + LAM) * (s - 1.0) ** 2
+    assert assembled.energy(MESH.points * [s, 1.0, 1.0]) == pytest.approx(expected, rel=1e-12, abs=1e-13 * volume * MU)
+
+
+def test_lumped_mass():
+    rho = 2.0 + np.arange(len(MESH.cells))
+    assert lumped_mass(MESH, rho).sum() == pytest.approx(float((rho * MESH.volumes).sum()), rel=1e-13)
+
+
+def test_cofactor():
+    F, G = rng(302).standard_normal((2, 3, 3, 5))
+    C = cofactor(F)
+    for k in range(5):
+        np.testing.assert_allclose(C[..., k].T @ F[..., k], np.linalg.det(F[..., k]) * np.eye(3), atol=1e-12)
+    h = 1e-6
+    difference = (cofactor(F + h * G) - cofactor(F - h * G)) / (2 * h)
+    np.testing.assert_allclose(cofactor_derivative(F, G), difference, atol=1e-8)
