@@ -6,13 +6,13 @@
 3. A run stopped at any frame and resumed ends bit for bit like one that was not stopped: every solver, both formats,
    with prescribed motion, and when the last frames after the checkpoint had been written already.
 4. A run killed before its first checkpoint begins again when resumed.
-5. The number of threads does not change a bit.
-6. A motion that runs away ends as a failed run: good frames kept, no NaN in any file, and the failure names frame,
-   layer and last energies; it can be resumed after.
-7. A run that loses its disk ends as a failed run with the frames before.
-8. Asked to stop, a run saves a checkpoint of the last frame and says so in the log.
-9. A checkpoint of another scene, or a series of other output settings, is refused, and the folder stays as it was.
-10. Every built-in scene runs, and stays within what physics allows it.
+5. A motion that runs away ends as a failed run: good frames kept, no NaN in any file, and the failure names frame,
+   layer and last energies.
+6. A run that loses its disk ends as a failed run with the frames before; any other error closes its files too.
+7. Asked to stop, a run saves a checkpoint of the last frame and says so in the log.
+8. A checkpoint of another scene, a series of other output settings, and a second run in the same folder are refused,
+   and the folder stays as it was.
+9. A finished run can be made longer.
 """
 
 from __future__ import annotations
@@ -86,12 +86,6 @@ def test_vtk_reads_every_step(tmp_path):
         moved = vtk_to_numpy(grid.GetPointData().GetArray("displacement"))
         np.testing.assert_allclose(moved, written.displacement(step), atol=0)
         assert grid.GetNumberOfCells() == len(written.cells)
-
-
-@pytest.mark.parametrize(("tolerance", "missed"), [("1e-3", 0), ("1e-15", 10)])
-def test_substeps_that_miss_the_tolerance_are_counted(tolerance, missed):
-    lines = f"substeps = 10\niterations = 3\ntolerance = {tolerance}"
-    assert [row["unconverged"] for row in run(hanging_beam(frames=2, solver_lines=lines)).rows] == [0, missed, missed]
 
 
 def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
@@ -189,28 +183,6 @@ def test_a_closed_terminal_does_not_end_a_run(tmp_path):
     assert len(log_of(tmp_path / "out")["frames"]) == 3
 
 
-@pytest.mark.parametrize("solver", ["fas", "jacobi", "scalar-jacobi", "verlet"])
-def test_a_free_body_keeps_its_momentum(solver):
-    overrides = {"solver.name": solver, "solver.substeps": None if solver == "verlet" else 20}
-    overrides |= {"bodies.0.initial": {"kind": "flat", "thickness": 0.5}, "bodies.0.velocity": [0.3, -0.2, 0.1]}
-    result = run(load_scene("cube-random", vertices=343, frames=5, overrides=overrides))
-    mass, state = result.simulation.disc.mass, result.state
-    v = mass @ state.v / mass.sum()
-    # The scale is the speed at which the cube springs back, some ten metres a second.
-    np.testing.assert_allclose(v, [0.3, -0.2, 0.1], atol=1e-10)
-    moved = mass @ (state.x - result.simulation.world.x0) / mass.sum()
-    np.testing.assert_allclose(moved, np.array([0.3, -0.2, 0.1]) * 5 / 60, atol=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("key", "value"), [("velocity", [1e300, 0, 0]), ("initial", {"kind": "random", "scale": 1e100})]
-)
-def test_a_start_out_of_bounds_is_refused(tmp_path, key, value):
-    with pytest.raises(InputError, match="out of bounds"):
-        run(load_scene("cube-random", vertices=64, overrides={f"bodies.0.{key}": value}), tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
 def test_frames_after_the_checkpoint_are_computed_again(tmp_path):
     scene = hanging_beam(checkpoint_every=4, frames=7)
     whole = run(scene, tmp_path / "whole")
@@ -239,22 +211,6 @@ def test_a_run_killed_before_its_first_checkpoint_begins_again(tmp_path, monkeyp
     monkeypatch.undo()
     assert run(scene, tmp_path / "out", resume=True).status == "finished"
     assert len(read_run(tmp_path / "out").times) == len(log_of(tmp_path / "out")["frames"]) == 3
-
-
-@pytest.mark.parametrize("solver", ["fas", "verlet"])
-def test_threads_do_not_change_a_bit(solver):
-    text = "threads = {}" if solver == "verlet" else "substeps = 10\nthreads = {}"
-    scenes = [hanging_beam(frames=3, solver=solver, solver_lines=text.format(n)) for n in (1, 2, 3)]
-    # 400 vertices would all fit into one share; the smallest share is lowered so that threads really share.
-    from femgal.kernels.cpu import threads
-
-    before, threads.SMALLEST_SHARE = threads.SMALLEST_SHARE, 16
-    try:
-        results = [run(scene) for scene in scenes]
-    finally:
-        threads.SMALLEST_SHARE = before
-    for other in results[1:]:
-        np.testing.assert_array_equal(results[0].state.x, other.state.x)
 
 
 def test_runaway_is_a_result_with_numbers(tmp_path):
@@ -376,32 +332,3 @@ def test_a_finished_run_can_be_made_longer(tmp_path):
     longer = run(hanging_beam(frames=6), tmp_path / "out", resume=True)
     assert [row["frame"] for row in longer.rows] == [4, 5, 6]
     np.testing.assert_array_equal(longer.state.x, run(hanging_beam(frames=6)).state.x)
-
-
-@pytest.mark.parametrize(
-    ("name", "vertices"),
-    [
-        ("rabbit-drape", 1500),
-        ("beam-stretch", 250),
-        ("cube-random", 500),
-        ("bunny-drape", 1500),
-        ("bunny-stretch", 500),
-    ],
-)
-def test_built_in_scenes(name, vertices, real_surface):
-    if name.startswith("bunny"):
-        real_surface("bunny")
-    result = run(load_scene(name, vertices=vertices, frames=3))
-    assert result.status == "finished"
-    first, last = result.rows[0], result.rows[-1]
-    if name.endswith("drape"):
-        # Nothing feeds the body but gravity, and backward Euler loses energy.
-        assert last["total_energy"] < first["total_energy"]
-        assert last["min_J"] > 0.2
-        drop = np.abs(result.displacements[-1][:, 2]).max()
-        assert drop == pytest.approx(0.05, rel=0.4)  # 3 frames of 1 m/s and more
-    if name == "cube-random":
-        assert last["elastic_energy"] < 0.2 * first["elastic_energy"]
-    if "stretch" in name:
-        assert last["elastic_energy"] > 0.0
-        assert np.isfinite(result.displacements[-1]).all()

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Whole motions, whatever is written of them.
+
+1. The number of threads does not change a bit.
+2. Substeps that miss the tolerance asked for are counted.
+3. A body that nothing holds keeps its momentum, with every solver.
+4. A start out of bounds is refused before anything is written.
+5. Every built-in scene runs, and stays within what physics allows it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from femgal.runner import run
+from femgal.scene.load import load_scene
+from meshes.errors import InputError
+from tests.femgal.scenes import hanging_beam
+
+
+@pytest.mark.parametrize(("tolerance", "missed"), [("1e-3", 0), ("1e-15", 10)])
+def test_substeps_that_miss_the_tolerance_are_counted(tolerance, missed):
+    lines = f"substeps = 10\niterations = 3\ntolerance = {tolerance}"
+    assert [row["unconverged"] for row in run(hanging_beam(frames=2, solver_lines=lines)).rows] == [0, missed, missed]
+
+
+@pytest.mark.parametrize("solver", ["fas", "jacobi", "scalar-jacobi", "verlet"])
+def test_a_free_body_keeps_its_momentum(solver):
+    overrides = {"solver.name": solver, "solver.substeps": None if solver == "verlet" else 20}
+    overrides |= {"bodies.0.initial": {"kind": "flat", "thickness": 0.5}, "bodies.0.velocity": [0.3, -0.2, 0.1]}
+    result = run(load_scene("cube-random", vertices=343, frames=5, overrides=overrides))
+    mass, state = result.simulation.disc.mass, result.state
+    v = mass @ state.v / mass.sum()
+    # The scale is the speed at which the cube springs back, some ten metres a second.
+    np.testing.assert_allclose(v, [0.3, -0.2, 0.1], atol=1e-10)
+    moved = mass @ (state.x - result.simulation.world.x0) / mass.sum()
+    np.testing.assert_allclose(moved, np.array([0.3, -0.2, 0.1]) * 5 / 60, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("velocity", [1e300, 0, 0]), ("initial", {"kind": "random", "scale": 1e100})]
+)
+def test_a_start_out_of_bounds_is_refused(tmp_path, key, value):
+    with pytest.raises(InputError, match="out of bounds"):
+        run(load_scene("cube-random", vertices=64, overrides={f"bodies.0.{key}": value}), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("solver", ["fas", "verlet"])
+def test_threads_do_not_change_a_bit(solver):
+    text = "threads = {}" if solver == "verlet" else "substeps = 10\nthreads = {}"
+    scenes = [hanging_beam(frames=3, solver=solver, solver_lines=text.format(n)) for n in (1, 2, 3)]
+    # 400 vertices would all fit into one share; the smallest share is lowered so that threads really share.
+    from femgal.kernels.cpu import threads
+
+    before, threads.SMALLEST_SHARE = threads.SMALLEST_SHARE, 16
+    try:
+        results = [run(scene) for scene in scenes]
+    finally:
+        threads.SMALLEST_SHARE = before
+    for other in results[1:]:
+        np.testing.assert_array_equal(results[0].state.x, other.state.x)
+
+
+@pytest.mark.parametrize(
+    ("name", "vertices"),
+    [
+        ("rabbit-drape", 1500),
+        ("beam-stretch", 250),
+        ("cube-random", 500),
+        ("bunny-drape", 1500),
+        ("bunny-stretch", 500),
+    ],
+)
+def test_built_in_scenes(name, vertices, real_surface):
+    if name.startswith("bunny"):
+        real_surface("bunny")
+    result = run(load_scene(name, vertices=vertices, frames=3))
+    assert result.status == "finished"
+    first, last = result.rows[0], result.rows[-1]
+    if name.endswith("drape"):
+        # Nothing feeds the body but gravity, and backward Euler loses energy.
+        assert last["total_energy"] < first["total_energy"]
+        assert last["min_J"] > 0.2
+        drop = np.abs(result.displacements[-1][:, 2]).max()
+        assert drop == pytest.approx(0.05, rel=0.4)  # 3 frames of 1 m/s and more
+    if name == "cube-random":
+        assert last["elastic_energy"] < 0.2 * first["elastic_energy"]
+    if "stretch" in name:
+        assert last["elastic_energy"] > 0.0
+        assert np.isfinite(result.displacements[-1]).all()
