@@ -133,8 +133,9 @@ class SolverSettings(Table):
     tolerance : Stop iterating below this residual eps18 [m] (Lu et al. 2025, Eq. 18); off when left out.
     ratio : Vertices per coarse node from one layer to the next.
     layers : Number of coarse layers, or ``full`` for as many as the mesh gives.
-    steps : Step lengths: ``spectral`` (from power iteration at rest), ``exact`` (to the minimum along each correction,
-        for wild starts), ``lu2025`` (0.25 coarse, 0.5 fine), or [coarse, fine].
+    steps : Step lengths: ``exact`` (to the minimum along each correction: the energy never grows, however stiff the body
+        or long the step), ``spectral`` (from power iteration at rest: half the cost of a substep, for soft bodies and
+        short steps), ``lu2025`` (0.25 coarse, 0.5 fine), or [coarse, fine].
     safety : ``verlet`` steps by this fraction of its stable step.
     threads : CPU threads; all when left out.
     """
@@ -145,7 +146,7 @@ class SolverSettings(Table):
     tolerance: Annotated[Number, Field(gt=0), Unit("m")] | None = None
     ratio: Annotated[Count, Field(ge=2)] = 32
     layers: Layers = "full"
-    steps: StepLengths = "spectral"
+    steps: StepLengths = "exact"
     safety: Annotated[Number, Field(gt=0, le=1)] = 0.9
     threads: Count | None = None
 

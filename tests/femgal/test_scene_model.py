@@ -33,7 +33,7 @@ def test_defaults():
     found = scene()
     assert (found.frames, found.frames_per_second, found.gravity) == (60, 60.0, (0.0, 0.0, -9.81))
     assert (found.name, found.damping, found.constraints) == ("my", 0.0, ())
-    assert (found.solver.name, found.solver.steps, found.solver.ratio) == ("fas", "spectral", 32)
+    assert (found.solver.name, found.solver.steps, found.solver.ratio) == ("fas", "exact", 32)
     assert (found.solver.substeps, found.solver.iterations, found.solver.layers) == (None, 1, "full")
     assert found.output.fields == ("displacement", "velocity", "von_mises")
     assert (found.bodies[0].up, found.bodies[0].initial.kind) == ("z", "rest")
