@@ -133,9 +133,9 @@ class SolverSettings(Table):
     tolerance : Stop iterating below this residual eps18 [m] (Lu et al. 2025, Eq. 18); off when left out.
     ratio : Vertices per coarse node from one layer to the next.
     layers : Number of coarse layers, or ``full`` for as many as the mesh gives.
-    steps : Step lengths: ``exact`` (to the minimum along each correction: the energy never grows, however stiff the body
-        or long the step), ``spectral`` (from power iteration at rest: half the cost of a substep, for soft bodies and
-        short steps), ``lu2025`` (0.25 coarse, 0.5 fine), or [coarse, fine].
+    steps : Step lengths: ``exact`` (to the minimum along each correction: the energy never grows, however stiff the
+        body or long the step), ``spectral`` (from power iteration at rest: half the cost of a substep, for soft bodies
+        and short steps), ``lu2025`` (0.25 coarse, 0.5 fine), or [coarse, fine].
     safety : ``verlet`` steps by this fraction of its stable step.
     threads : CPU threads; all when left out.
     """
