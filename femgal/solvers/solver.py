@@ -22,7 +22,7 @@ class Outcome(enum.Enum):
     CONVERGED = "The residual fell below the tolerance."
     ITERATIONS = "All iterations asked for were made; no tolerance was set."
     NOT_CONVERGED = "The residual is above the tolerance after all iterations. Try more of them, or more substeps."
-    DIVERGED = "The iterate is no longer finite. Try more substeps, or steps = 'spectral'."
+    DIVERGED = "The iterate is no longer finite. Try more substeps, or steps = 'exact'."
 
 
 @dataclass(eq=False)

@@ -135,7 +135,10 @@ def test_interrupted_and_resumed_is_bitwise_the_same(tmp_path, options):
     assert [row["frame"] for row in resumed.rows] == [4, 5, 6]
     np.testing.assert_array_equal(resumed.state.x, whole.state.x)
     np.testing.assert_array_equal(resumed.state.v, whole.state.v)
-    assert resumed.simulation.guard.memory() == whole.simulation.guard.memory()
+    guard = whole.simulation.guard.memory()
+    assert resumed.simulation.guard.memory() == guard
+    assert guard["last"]["kinetic"] == whole.rows[-1]["kinetic_energy"]
+    assert (guard["injected"] > 0.0) == ("path" in options)
     a, b = read_run(tmp_path / "whole"), read_run(tmp_path / "parts")
     np.testing.assert_array_equal(a.times, b.times)
     for frame in range(7):
