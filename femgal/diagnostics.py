@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femgal.kernels.cpu.backend import CpuBackend
+from femgal.kernels.backend import Backend
 from femgal.timestep.state import Motion, MotionState, place
 
 Floats = NDArray[np.float64]
@@ -57,7 +57,7 @@ class Energies:
         }
 
 
-def energies_of(backend: CpuBackend, state: MotionState, gravity: Floats) -> tuple[Energies, Floats, Floats]:
+def energies_of(backend: Backend, state: MotionState, gravity: Floats) -> tuple[Energies, Floats, Floats]:
     """Energies of a state; with them the elastic energy [J] and J of each tetrahedron."""
     disc = backend.disc
     energy, J = backend.energies(state.x)
@@ -75,7 +75,7 @@ class EnergyGuard:
     two of the SAMPLES in a frame is not seen.
     """
 
-    def __init__(self, backend: CpuBackend, gravity: Floats, motions: Sequence[Motion]) -> None:
+    def __init__(self, backend: Backend, gravity: Floats, motions: Sequence[Motion]) -> None:
         self._backend, self._gravity = backend, gravity
         self._moving = [motion for motion in motions if not motion.is_fixed]
         self.injected = 0.0

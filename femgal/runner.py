@@ -357,7 +357,7 @@ def _header(simulation: Simulation) -> dict[str, Any]:
         "fingerprint": simulation.fingerprint,
         "hierarchy": str(simulation.hierarchy).splitlines() if simulation.hierarchy else None,
         "plan": [" | ".join(row) for row in simulation.plan.rows()],
-        "threads": simulation.backend.workers.threads,
+        "threads": simulation.backend.threads,
         "device": "cpu",
         "precision": "float64",
     }

@@ -18,7 +18,8 @@ from femgal.diagnostics import Energies, EnergyGuard, energies_of
 from femgal.discretisation import Discretisation, discretise
 from femgal.failure import SolverFailure
 from femgal.hierarchy.hierarchy import Hierarchy, build_constant_hierarchy
-from femgal.kernels.cpu.backend import CpuBackend, Passes
+from femgal.kernels.backend import Backend, Passes
+from femgal.kernels.plain.backend import PlainBackend
 from femgal.scene.build import World, build_world
 from femgal.scene.model import Scene
 from femgal.scene.plan import Plan, make_plan
@@ -89,7 +90,7 @@ class Simulation:
     disc: Discretisation
     hierarchy: Hierarchy | None
     plan: Plan
-    backend: CpuBackend
+    backend: Backend
     stepper: TimeStepper
     guard: EnergyGuard = field(init=False)
     _start: MotionState | None = field(default=None, init=False, repr=False)
@@ -119,7 +120,7 @@ class Simulation:
             announce("building the hierarchy")
             hierarchy = build_constant_hierarchy(disc, scene.solver.ratio, scene.solver.layers)
         plan = make_plan(scene, world, disc, hierarchy)
-        backend = CpuBackend(disc, scene.solver.threads, hierarchy.layers[0] if hierarchy else None)
+        backend = PlainBackend(disc, scene.solver.threads, hierarchy.layers[0] if hierarchy else None)
         stepper = build_stepper(scene, plan, backend, hierarchy, world.motions)
         return cls(scene, world, disc, hierarchy, plan, backend, stepper)
 

@@ -61,7 +61,7 @@ class TerminalProgress(Progress):
             self._console.print(f"mesh {origin}: {body['vertices']} vertices, {body['tets']} tetrahedra")
         for warning in simulation.world.warnings:
             self._console.print(f"warning: {warning}", style="yellow")
-        threads = simulation.backend.workers.threads
+        threads = simulation.backend.threads
         self._console.print(f"{scene.name}: {disc.n_tets} tetrahedra, solver {scene.solver.name}, {threads} thread(s)")
         self._task = self._bar.add_task("solving", total=scene.frames + 1, completed=first_frame, note="")
 

@@ -41,7 +41,7 @@ class Hierarchy:
     @property
     def complexity(self) -> float:
         """(element, node) pairs of all layers over those of the finest: work of one pass over all layers."""
-        return sum(len(layer.element) for layer in self.layers) / max(1, len(self.layers[0].element))
+        return sum(layer.n_pairs for layer in self.layers) / max(1, self.layers[0].n_pairs)
 
     def rows(self) -> list[tuple[str, ...]]:
         """One row per layer: name, nodes, vertices per node, connected, active elements, share, pairs."""
@@ -56,7 +56,7 @@ class Hierarchy:
                     "yes" if connected else "no",
                     f"{len(layer.active)}",
                     f"{len(layer.active) / self.n_tets:.3f}",
-                    f"{len(layer.element)}",
+                    f"{layer.n_pairs}",
                 )
             )
         return rows

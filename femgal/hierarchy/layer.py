@@ -23,16 +23,15 @@ Longs = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Prolongation of one layer and its (element, u) pairs, both sorted by node; k nodes, n vertices.
+    """Prolongation of one layer and the elements that feel it; k nodes, n vertices.
 
     Parameters
     ----------
     name : "vertices", or for a coarse layer the kind and the ratio.
     parent, weight : Nodes that move each vertex and their weights, shape [n, p]; -1 for none.
-    child_ptr, child, child_weight : The transpose: vertices of each node.
+    child_ptr, child, child_weight : The transpose: vertices of each node, ascending.
     active : Elements with at least one node whose motion deforms them, shape [a], ascending.
-    ptr, element, u : For each node, the elements that it deforms, as positions in `active`, and
-        u = sum_k w_k grad N_k [1/m], shape [pairs, 3].
+    n_pairs : Number of (element, node) pairs in which the node deforms the element.
     """
 
     name: str
@@ -42,19 +41,33 @@ class Layer:
     child: Ints
     child_weight: Floats
     active: Ints
-    ptr: Longs
-    element: Ints
-    u: Floats
+    n_pairs: int
 
     @property
     def n_nodes(self) -> int:
         """Number of nodes."""
-        return len(self.ptr) - 1
+        return len(self.child_ptr) - 1
 
     @property
     def sizes(self) -> Longs:
         """Number of vertices that each node moves, shape [n_nodes]."""
         return np.diff(self.child_ptr)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """(element, u) pairs of a layer sorted by node, then by element.
+
+    Parameters
+    ----------
+    ptr : Node i owns the pairs ptr[i] to ptr[i + 1] - 1, shape [k + 1].
+    element : Elements that the node deforms, as positions in `Layer.active`, shape [n_pairs].
+    u : sum_k w_k grad N_k [1/m] (Lu et al. 2025, Eq. 12), shape [n_pairs, 3].
+    """
+
+    ptr: Longs
+    element: Ints
+    u: Floats
 
 
 def build_layer(disc: Discretisation, parent: Ints, weight: Floats, n_nodes: int, name: str) -> Layer:
@@ -63,16 +76,21 @@ def build_layer(disc: Discretisation, parent: Ints, weight: Floats, n_nodes: int
     An element none of whose nodes deforms it (all of u zero, such as the interior of a constant cluster) contributes
     nothing to gradient or block and is left out (Lu et al. 2025, section 5.1.1).
     """
-    tets, B = disc.mesh.cells, disc.B
-    count = np.zeros(n_nodes + 1, np.int64)
-    is_active = np.zeros(len(tets), np.bool_)
-    _count_pairs(tets, B, parent, weight, count, is_active)
-    ptr = np.cumsum(count)
+    is_active = np.zeros(disc.n_tets, np.bool_)
+    n_pairs = _mark_active(disc.mesh.cells, disc.B, parent, weight, is_active)
     active = np.flatnonzero(is_active).astype(np.int32)
+    return Layer(name, parent, weight, *_transpose(parent, weight, n_nodes), active, int(n_pairs))
+
+
+def build_pairs(disc: Discretisation, layer: Layer) -> Pairs:
+    """The (element, u) pairs of a layer."""
+    tets, B, parent, weight = disc.mesh.cells, disc.B, layer.parent, layer.weight
+    ptr = np.zeros(layer.n_nodes + 1, np.int64)
+    _count_pairs(tets, B, parent, weight, layer.active, ptr)
+    np.cumsum(ptr, out=ptr)
     element, u = np.empty(ptr[-1], np.int32), np.empty((ptr[-1], 3))
-    _fill_pairs(tets, B, parent, weight, ptr[:-1].copy(), active, element, u)
-    child_ptr, child, child_weight = _transpose(parent, weight, n_nodes)
-    return Layer(name, parent, weight, child_ptr, child, child_weight, active, ptr, element, u)
+    _fill_pairs(tets, B, parent, weight, ptr[:-1].copy(), layer.active, element, u)
+    return Pairs(ptr, element, u)
 
 
 def finest_layer(disc: Discretisation) -> Layer:
@@ -101,16 +119,35 @@ def free_parts(disc: Discretisation) -> Layer | None:
 
 
 def _transpose(parent: Ints, weight: Floats, n_nodes: int) -> tuple[Longs, Ints, Floats]:
-    vertex, slot = np.nonzero(parent >= 0)
-    node = parent[vertex, slot]
-    order = np.argsort(node, kind="stable")
     child_ptr = np.zeros(n_nodes + 1, np.int64)
-    np.cumsum(np.bincount(node, minlength=n_nodes), out=child_ptr[1:])
-    return child_ptr, vertex[order].astype(np.int32), weight[vertex[order], slot[order]]
+    _count_children(parent, child_ptr)
+    np.cumsum(child_ptr, out=child_ptr)
+    child, child_weight = np.empty(child_ptr[-1], np.int32), np.empty(child_ptr[-1])
+    _fill_children(parent, weight, child_ptr[:-1].copy(), child, child_weight)
+    return child_ptr, child, child_weight
 
 
 @kernel
-def _element_pairs(e: int, tets: Ints, B: Floats, parent: Ints, weight: Floats, nodes: Ints, u: Floats) -> int:
+def _count_children(parent: Ints, count: Longs) -> None:
+    """count[i + 1] = vertices of node i."""
+    for v in range(len(parent)):
+        for k in range(parent.shape[1]):
+            if parent[v, k] >= 0:
+                count[parent[v, k] + 1] += 1
+
+
+@kernel
+def _fill_children(parent: Ints, weight: Floats, at: Longs, child: Ints, child_weight: Floats) -> None:
+    for v in range(len(parent)):
+        for k in range(parent.shape[1]):
+            i = parent[v, k]
+            if i >= 0:
+                child[at[i]], child_weight[at[i]] = v, weight[v, k]
+                at[i] += 1
+
+
+@kernel
+def element_pairs(e: int, tets: Ints, B: Floats, parent: Ints, weight: Floats, nodes: Ints, u: Floats) -> int:
     """Distinct nodes of element e with their u, merged over its vertices; returns how many have u != 0."""
     n = 0
     scale = 0.0
@@ -149,15 +186,25 @@ def _element_pairs(e: int, tets: Ints, B: Floats, parent: Ints, weight: Floats, 
 
 
 @kernel
-def _count_pairs(
-    tets: Ints, B: Floats, parent: Ints, weight: Floats, count: Longs, is_active: NDArray[np.bool_]
-) -> None:
+def _mark_active(tets: Ints, B: Floats, parent: Ints, weight: Floats, is_active: NDArray[np.bool_]) -> int:
+    """Mark the elements that have a pair; returns the number of pairs."""
+    nodes = np.empty(4 * parent.shape[1], np.int32)
+    u = np.empty((4 * parent.shape[1], 3))
+    pairs = 0
+    for e in range(len(tets)):
+        n = element_pairs(e, tets, B, parent, weight, nodes, u)
+        is_active[e] = n > 0
+        pairs += n
+    return pairs
+
+
+@kernel
+def _count_pairs(tets: Ints, B: Floats, parent: Ints, weight: Floats, active: Ints, count: Longs) -> None:
     """count[i + 1] = pairs of node i."""
     nodes = np.empty(4 * parent.shape[1], np.int32)
     u = np.empty((4 * parent.shape[1], 3))
-    for e in range(len(tets)):
-        n = _element_pairs(e, tets, B, parent, weight, nodes, u)
-        is_active[e] = n > 0
+    for k in range(len(active)):
+        n = element_pairs(active[k], tets, B, parent, weight, nodes, u)
         for p in range(n):
             count[nodes[p] + 1] += 1
 
@@ -176,7 +223,7 @@ def _fill_pairs(
     nodes = np.empty(4 * parent.shape[1], np.int32)
     u = np.empty((4 * parent.shape[1], 3))
     for k in range(len(active)):
-        n = _element_pairs(active[k], tets, B, parent, weight, nodes, u)
+        n = element_pairs(active[k], tets, B, parent, weight, nodes, u)
         for p in range(n):
             j = at[nodes[p]]
             element[j] = k

@@ -197,9 +197,9 @@ def _layer_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy) -> l
     """Layers from coarse to fine, with the elements that each leaves out."""
     n_free, iterations = int(disc.free.sum()), scene.solver.iterations
     stages = [_unneeded_layer(scene, n_free, hierarchy)]
-    finest = max(1, len(hierarchy.layers[0].element))
+    finest = max(1, hierarchy.layers[0].n_pairs)
     for number, layer in reversed(list(enumerate(hierarchy.layers))):
-        passes = iterations * len(layer.element) / finest
+        passes = iterations * layer.n_pairs / finest
         stages.append(Stage(f"layer {number}", "substep", True, layer.name, layer.n_nodes, len(layer.active), passes))
         if number > 0:
             interior = disc.n_tets - len(layer.active)

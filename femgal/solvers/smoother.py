@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.hierarchy.layer import Layer
-from femgal.kernels.cpu.backend import CpuBackend
+from femgal.kernels.backend import Backend
 from femgal.solvers.solver import Budget, Outcome, SolverState
 from femgal.solvers.spectrum import largest_block_jacobi_eigenvalue
 from femgal.timestep.potential import IncrementalPotential
@@ -46,13 +46,13 @@ def smooth(potential: IncrementalPotential, layer: Layer, x: Floats, w: float, *
     if not math.isnan(w):
         dx = backend.solve(g, H, w, scalar=scalar)
         backend.prolong(layer, dx, x)
-        return max(float(dx.max()), -float(dx.min()))
+        return backend.largest(dx)
     dx = backend.solve(g, H, 1.0, scalar=scalar)
     d = np.zeros_like(x)
     backend.prolong(layer, dx, d)
     t = first_minimum(potential.along(layer, x, d))
-    x += t * d
-    return t * max(float(dx.max()), -float(dx.min()))
+    backend.add_scaled(x, t, d)
+    return t * backend.largest(dx)
 
 
 def first_minimum(coefficients: Floats) -> float:
@@ -115,7 +115,7 @@ class Relaxation(ABC):
         mass of a free body.
     """
 
-    backend: CpuBackend
+    backend: Backend
     layers: tuple[Layer, ...]
     steps: StepRule = "spectral"
     budget: Budget = field(default_factory=Budget)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from femgal.kernels.cpu.backend import CpuBackend
+from femgal.kernels.backend import Backend
 from femgal.solvers.solver import Outcome, Solver, minimise
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import Motion, MotionState, place
@@ -31,7 +31,7 @@ class BackwardEuler:
     motions : Prescribed motions of the constrained vertices.
     """
 
-    backend: CpuBackend
+    backend: Backend
     solver: Solver
     substeps: int
     gravity: Floats

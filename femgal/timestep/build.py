@@ -9,7 +9,7 @@ import numpy as np
 
 from femgal.hierarchy.hierarchy import Hierarchy
 from femgal.hierarchy.layer import free_parts
-from femgal.kernels.cpu.backend import CpuBackend
+from femgal.kernels.backend import Backend
 from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan
 from femgal.solvers.fas import FAS
@@ -24,7 +24,7 @@ _SOLVERS: dict[str, type[Relaxation]] = {"fas": FAS, "jacobi": Jacobi, "scalar-j
 
 
 def build_stepper(
-    scene: Scene, plan: Plan, backend: CpuBackend, hierarchy: Hierarchy | None, motions: Sequence[Motion]
+    scene: Scene, plan: Plan, backend: Backend, hierarchy: Hierarchy | None, motions: Sequence[Motion]
 ) -> TimeStepper:
     """The method that `scene.solver` asks for, with the stages that the plan says run."""
     settings, gravity = scene.solver, np.asarray(scene.gravity, np.float64)

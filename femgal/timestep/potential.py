@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.hierarchy.layer import Layer
-from femgal.kernels.cpu.backend import CpuBackend
+from femgal.kernels.backend import Backend
 
 Floats = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class IncrementalPotential:
     x_n : State before the step with the constrained vertices where they have to be after it [m]; None when unknown.
     """
 
-    backend: CpuBackend
+    backend: Backend
     xhat: Floats
     h: float
     inertia: float = 1.0
@@ -69,9 +69,7 @@ class IncrementalPotential:
         x, d : Positions and direction [m], shape [n, 3].
         """
         coefficients = self.backend.energies_along(layer, x, d)
-        Md = self.inverse_h2 * self.backend.disc.mass[:, None] * d
-        coefficients[0] += float((Md * (x - self.xhat)).sum())
-        coefficients[1] += 0.5 * float((Md * d).sum())
+        coefficients[:2] += self.backend.inertia_along(x, self.xhat, d, self.inverse_h2)
         return coefficients
 
     def residual(self, x: Floats) -> Floats:

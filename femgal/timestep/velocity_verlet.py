@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femgal.kernels.cpu.backend import CpuBackend
+from femgal.kernels.backend import Backend
 from femgal.solvers.spectrum import largest_frequency_squared, random_start
 from femgal.timestep.state import Motion, MotionState, place
 
@@ -41,7 +41,7 @@ class VelocityVerlet:
     substeps : Steps per frame; None takes as many as stability asks for.
     """
 
-    backend: CpuBackend
+    backend: Backend
     gravity: Floats
     damping: float = 0.0
     motions: Sequence[Motion] = ()

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from femgal.hierarchy.hierarchy import build_constant_hierarchy
-from femgal.kernels.cpu.backend import CpuBackend
+from femgal.kernels.plain.backend import PlainBackend
 from meshes.generators import box
 from meshes.types import TetMesh
 from tests.femgal.problems import STATES, distorted_box, force_scale, left_end, positions, rng, uniform, varied
@@ -38,7 +38,7 @@ CASES = [(constrained, state) for constrained in CONSTRAINED for state in STATES
 @pytest.mark.parametrize(("constrained", "state"), CASES)
 def test_gradient_equals_assembled(constrained, state):
     disc, x = varied(MESH, CONSTRAINED[constrained]), positions(MESH, state)
-    g = CpuBackend(disc, 1).gradient(x)
+    g = PlainBackend(disc, 1).gradient(x)
     assert np.abs(g - REFERENCE.gradient(x))[disc.free].max() <= 1e-13 * force_scale(disc, x)
     assert (g[~disc.free] == 0.0).all()
 
@@ -47,7 +47,7 @@ def test_gradient_equals_assembled(constrained, state):
 def test_hessian_product_equals_assembled(constrained, state):
     disc, x = varied(MESH, CONSTRAINED[constrained]), positions(MESH, state)
     H = REFERENCE.hessian(x)
-    backend = CpuBackend(disc, 1)
+    backend = PlainBackend(disc, 1)
     for salt in range(3):
         d = rng(100 + salt).standard_normal(x.shape)
         # Constrained vertices may be given a motion too: the product then holds their pull on the free ones.
@@ -60,7 +60,7 @@ def test_hessian_product_equals_assembled(constrained, state):
 @pytest.mark.parametrize("state", STATES)
 def test_energies_equal_assembled(state):
     disc, x = varied(MESH), positions(MESH, state)
-    energy, J = CpuBackend(disc, 1).energies(x)
+    energy, J = PlainBackend(disc, 1).energies(x)
     # At rest Psi is a difference of terms of the size of mu.
     assert abs(energy.sum() - REFERENCE.energy(x)) <= 1e-13 * (disc.Vmu.sum() + abs(REFERENCE.energy(x)))
     assert ((J < 0.0).any(), (J > 0.0).any()) == {
@@ -81,7 +81,7 @@ AFFINE = {
 @pytest.mark.parametrize("name", AFFINE)
 def test_patch(name):
     disc, x = uniform(MESH), MESH.points @ AFFINE[name].T + [0.3, -2.0, 1.0]
-    backend = CpuBackend(disc, 1)
+    backend = PlainBackend(disc, 1)
     low, high = MESH.points.min(axis=0) + 1e-9, MESH.points.max(axis=0) - 1e-9
     inner = ((MESH.points > low) & (MESH.points < high)).all(axis=1)
     assert inner.sum() >= 50
@@ -95,7 +95,7 @@ def test_patch(name):
 @pytest.mark.parametrize("state", STATES)
 def test_forces_and_moments_sum_to_zero(state):
     disc, x = varied(MESH), positions(MESH, state)
-    g = CpuBackend(disc, 1).gradient(x)
+    g = PlainBackend(disc, 1).gradient(x)
     scale = force_scale(disc, x)
     assert np.abs(g.sum(axis=0)).max() <= 1e-12 * scale
     assert np.abs(np.cross(x, g).sum(axis=0)).max() <= 1e-12 * scale * np.abs(x).max()
@@ -103,7 +103,7 @@ def test_forces_and_moments_sum_to_zero(state):
 
 def test_forces_are_objective():
     disc, x = varied(MESH), positions(MESH, "random")
-    backend = CpuBackend(disc, 1)
+    backend = PlainBackend(disc, 1)
     Q = np.linalg.qr(rng(12).standard_normal((3, 3)))[0]
     Q *= np.sign(np.linalg.det(Q))
     turned = backend.gradient(x @ Q.T + [5.0, -3.0, 2.0])
@@ -120,7 +120,7 @@ def test_same_bits_for_any_thread_count():
     x, d = mesh.points + 0.02 * rng(13).standard_normal(mesh.points.shape), rng(14).standard_normal(mesh.points.shape)
     results = []
     for threads in (1, 2, 3):
-        backend = CpuBackend(disc, threads)
+        backend = PlainBackend(disc, threads)
         g, H = backend.gradient_and_blocks(layer, x, mesh.points, 1e4)
         moved = x.copy()
         backend.prolong(layer, backend.solve(g, H, 0.7), moved)
@@ -136,7 +136,7 @@ ONE_TET = TetMesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.a
 
 
 def von_mises(F: np.ndarray) -> float:
-    return float(CpuBackend(uniform(ONE_TET), 1).von_mises(ONE_TET.points @ np.asarray(F).T)[0])
+    return float(PlainBackend(uniform(ONE_TET), 1).von_mises(ONE_TET.points @ np.asarray(F).T)[0])
 
 
 def test_von_mises_closed_forms():
@@ -160,7 +160,7 @@ def test_von_mises_without_volume(stretches):
 
 
 def test_block_solves():
-    backend = CpuBackend(uniform(ONE_TET), 1)
+    backend = PlainBackend(uniform(ONE_TET), 1)
     A = rng(15).standard_normal((50, 3, 3))
     A = A @ A.transpose(0, 2, 1) + 0.1 * np.eye(3)
     H, g = A[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]].copy(), rng(16).standard_normal((50, 3))
@@ -174,7 +174,7 @@ def test_block_solves():
 def test_passes_are_counted():
     disc = varied(MESH)
     hierarchy = build_constant_hierarchy(disc, 8)
-    backend = CpuBackend(disc, 1, hierarchy.layers[0])
+    backend = PlainBackend(disc, 1, hierarchy.layers[0])
     x = MESH.points
     backend.gradient(x)
     backend.hessian_product(x, x)

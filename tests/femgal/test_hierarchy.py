@@ -52,7 +52,7 @@ def test_layers(ratio):
     for layer, size in zip(built.layers[1:], sizes, strict=True):
         assert 324 / size / 1.5 <= layer.n_nodes <= 1.5 * 324 / size
         assert layer.sizes.sum() == 324
-    pairs = [len(layer.element) for layer in built.layers]
+    pairs = [layer.n_pairs for layer in built.layers]
     assert built.complexity == pytest.approx(sum(pairs) / pairs[0])
     assert built.connected == (True,) * len(built.layers)
     assert all(finer > coarser for finer, coarser in pairwise(pairs))
@@ -63,7 +63,7 @@ def test_layers_are_independent():
     assert (len(few.layers), len(many.layers)) == (2, 4)
     for one, two in zip(few.layers, many.layers, strict=False):
         np.testing.assert_array_equal(one.parent, two.parent)
-        np.testing.assert_array_equal(one.u, two.u)
+        np.testing.assert_array_equal(one.active, two.active)
 
 
 def test_torn_nodes_are_noticed():
@@ -86,6 +86,6 @@ def test_table():
         assert layer.name in line
         assert f" {layer.n_nodes} " in line
         assert f" {len(layer.active)} " in line
-        assert line.endswith(str(len(layer.element)))
+        assert line.endswith(str(layer.n_pairs))
     assert lines[-1] == f"complexity {built.complexity:.3f}"
     assert " no " in str(replace(built, connected=(True, False, True)))

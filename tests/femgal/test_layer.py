@@ -23,8 +23,8 @@ import pytest
 
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import build_constant_hierarchy
-from femgal.hierarchy.layer import Layer
-from femgal.kernels.cpu.backend import CpuBackend
+from femgal.hierarchy.layer import Layer, build_pairs
+from femgal.kernels.plain.backend import PlainBackend
 from tests.femgal.problems import STATES, distorted_box, force_scale, left_end, linear_layer, positions, rng, varied
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.transfer import diagonal_blocks, galerkin, mass_matrix, prolongation, unpacked
@@ -63,7 +63,7 @@ def test_blocks_and_gradients_equal_assembled(constrained, name, state):
     disc, one = body(constrained), layer(constrained, name)
     x, (elastic, hessian) = positions(MESH, state), assembled(state)
     xhat = x + 1e-3 * rng(20).standard_normal(x.shape)
-    g, H = CpuBackend(disc, 1).gradient_and_blocks(one, x, xhat, 1.0 / H_STEP**2)
+    g, H = PlainBackend(disc, 1).gradient_and_blocks(one, x, xhat, 1.0 / H_STEP**2)
 
     P = prolongation(one)
     blocks = diagonal_blocks(galerkin(P, mass_matrix(disc.mass) / H_STEP**2 + hessian))
@@ -93,7 +93,7 @@ def test_skipped_elements(constrained, name):
 @pytest.mark.parametrize("constrained", CONSTRAINED)
 def test_transfer(constrained, name):
     disc, one = body(constrained), layer(constrained, name)
-    backend, P = CpuBackend(disc, 1), prolongation(one)
+    backend, P = PlainBackend(disc, 1), prolongation(one)
     dx, f = rng(21).standard_normal((one.n_nodes, 3)), rng(22).standard_normal((disc.n_vertices, 3))
     moved = np.zeros_like(f)
     backend.prolong(one, dx, moved)
@@ -109,7 +109,7 @@ def test_transfer(constrained, name):
 def test_partition_of_unity(constrained, name):
     disc, one = body(constrained), layer(constrained, name)
     moved = np.zeros((disc.n_vertices, 3))
-    CpuBackend(disc, 1).prolong(one, np.tile([1.0, -2.0, 3.0], (one.n_nodes, 1)), moved)
+    PlainBackend(disc, 1).prolong(one, np.tile([1.0, -2.0, 3.0], (one.n_nodes, 1)), moved)
     np.testing.assert_allclose(moved[disc.free], np.tile([1.0, -2.0, 3.0], (int(disc.free.sum()), 1)), rtol=1e-14)
 
 
@@ -120,16 +120,18 @@ def test_structure(name):
     parents = set(zip(one.parent[vertex, slot], vertex, one.weight[vertex, slot], strict=True))
     node = np.repeat(np.arange(one.n_nodes), one.sizes)
     assert parents == set(zip(node, one.child, one.child_weight, strict=True))
+    pairs = build_pairs(body("face"), one)
     for i in range(one.n_nodes):
-        assert (np.diff(one.element[one.ptr[i] : one.ptr[i + 1]]) > 0).all()
-    assert one.ptr[-1] == len(one.element) == len(one.u)
-    assert set(one.element) == set(range(len(one.active)))
+        assert (np.diff(pairs.element[pairs.ptr[i] : pairs.ptr[i + 1]]) > 0).all()
+    assert pairs.ptr[-1] == len(pairs.element) == len(pairs.u) == one.n_pairs
+    assert set(pairs.element) == set(range(len(one.active)))
 
 
 @pytest.mark.parametrize("name", LAYERS)
 def test_u_of_all_nodes_sums_to_zero(name):
     one = layer("free", name)
     total = np.zeros((len(one.active), 3))
-    np.add.at(total, one.element, one.u)
+    pairs = build_pairs(body("free"), one)
+    np.add.at(total, pairs.element, pairs.u)
     # Gradients of the shape functions are up to 1 / (smallest height), some 30 per metre here.
     assert np.abs(total).max() <= 1e-12

@@ -26,7 +26,7 @@ import pytest
 
 from femgal.discretisation import Discretisation, discretise
 from femgal.hierarchy.layer import build_layer
-from femgal.kernels.cpu.backend import CpuBackend
+from femgal.kernels.plain.backend import PlainBackend
 from femgal.materials import stable_neo_hookean as material
 from femgal.materials.stable_neo_hookean import parameters
 from femgal.materials.tensor import cofactor
@@ -59,8 +59,8 @@ def separate(count: int, mu: float, lam: float) -> Discretisation:
 
 
 @cache
-def backend(count: int, mu: float, lam: float) -> CpuBackend:
-    return CpuBackend(separate(count, mu, lam), 1)
+def backend(count: int, mu: float, lam: float) -> PlainBackend:
+    return PlainBackend(separate(count, mu, lam), 1)
 
 
 def moved(F: np.ndarray) -> np.ndarray:

@@ -30,9 +30,14 @@ class Workers:
         self._pool: ThreadPoolExecutor | None = None
         self._pool_of = 0
 
-    def run(self, kernel: Callable[..., None], rows: int, *arguments: object) -> None:
-        """Call the kernel over rows 0 to rows - 1, shared out evenly, and wait for all ranges."""
-        shares = min(self.threads, max(1, rows // SMALLEST_SHARE))
+    def run(
+        self, kernel: Callable[..., None], rows: int, *arguments: object, smallest_share: int | None = None
+    ) -> None:
+        """Call the kernel over rows 0 to rows - 1, shared out evenly, and wait for all ranges.
+
+        No thread gets fewer than `smallest_share` rows; left out, rows are taken for small pieces of work.
+        """
+        shares = min(self.threads, max(1, rows // (smallest_share or SMALLEST_SHARE)))
         self._run(kernel, [rows * k // shares for k in range(shares + 1)], arguments)
 
     def run_ragged(self, kernel: Callable[..., None], ptr: NDArray[np.int64], *arguments: object) -> None:

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What solvers and time stepping ask of a device: element passes, work at nodes, sums over vertices.
+
+Solvers know no other way to the elements. Three backends answer: `femgal.kernels.plain` (the slow, obvious reference),
+`femgal.kernels.cpu` (tiles, in float32 or float64) and a GPU. Positions, velocities and all that time stepping adds up
+stay in float64 whatever the precision of the element passes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.discretisation import Discretisation
+from femgal.hierarchy.layer import Layer
+
+Floats = NDArray[np.float64]
+
+# Of the arithmetic in the element passes.
+Precision = Literal["float32", "float64"]
+
+
+@dataclass
+class Passes:
+    """Element passes by kind, in units of one pass over all tetrahedra of the finest mesh.
+
+    A pass over a coarse layer counts by its (element, node) pairs against those of the finest layer.
+    """
+
+    gradient: float = 0.0
+    gradient_and_blocks: float = 0.0
+    hessian_product: float = 0.0
+    energy: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Passes of all kinds."""
+        return self.gradient + self.gradient_and_blocks + self.hessian_product + self.energy
+
+    def as_dict(self) -> dict[str, float]:
+        """Passes by kind."""
+        return dict(vars(self))
+
+
+class Backend(Protocol):
+    """Element and node passes over n vertices, m tetrahedra, and layers of k nodes.
+
+    Attributes
+    ----------
+    disc : The discretised bodies.
+    vertices : The finest layer.
+    passes : Passes made so far.
+    precision : Of the element passes.
+    threads : CPU threads that share the work.
+    """
+
+    disc: Discretisation
+    vertices: Layer
+    passes: Passes
+
+    @property
+    def precision(self) -> Precision:
+        """Of the element passes."""
+
+    @property
+    def threads(self) -> int:
+        """CPU threads that share the work."""
+
+    def gradient(self, x: Floats) -> Floats:
+        """Gradient of the elastic energy at the free vertices [N], shape [n, 3], zero at constrained ones."""
+
+    def hessian_product(self, x: Floats, d: Floats) -> Floats:
+        """Exact elastic Hessian at x times d at the free vertices [N], shape [n, 3], zero at constrained ones."""
+
+    def nodal_gradient(self, layer: Layer, x: Floats, xhat: Floats, inverse_h2: float) -> Floats:
+        """P^T grad phi [N] of phi = |x - xhat|^2_M inverse_h2 / 2 + E, shape [k, 3]."""
+
+    def gradient_and_blocks(self, layer: Layer, x: Floats, xhat: Floats, inverse_h2: float) -> tuple[Floats, Floats]:
+        """Gradient and diagonal 3x3 blocks of phi = |x - xhat|^2_M inverse_h2 / 2 + E at the nodes of a layer.
+
+        Returns
+        -------
+        g : P^T grad phi [N], shape [k, 3].
+        H : Diagonal blocks of P^T (d2 phi) P [N/m], shape [k, 6], entries xx xy xz yy yz zz.
+        """
+
+    def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float) -> Floats:
+        """P^T (d2 phi)(x) d [N], shape [k, 3], for a d that the layer's nodes make."""
+
+    def energies(self, x: Floats) -> tuple[Floats, Floats]:
+        """Elastic energy [J] and volume ratio J of each tetrahedron, both shape [m]."""
+
+    def energies_along(self, layer: Layer, x: Floats, d: Floats) -> Floats:
+        """Coefficients of t, t^2, ..., t^6 in E(x + t d) [J], shape [6], for a d that the layer's nodes make."""
+
+    def inertia_along(self, x: Floats, xhat: Floats, d: Floats, inverse_h2: float) -> Floats:
+        """Coefficients of t and t^2 in |x + t d - xhat|^2_M inverse_h2 / 2 [J], shape [2]."""
+
+    def solve(self, g: Floats, H: Floats, w: float, *, scalar: bool = False) -> Floats:
+        """-w H^-1 g block by block [m], shape [k, 3]; with the diagonal of each block only when `scalar`."""
+
+    def prolong(self, layer: Layer, dx: Floats, x: Floats) -> None:
+        """x += P dx in place."""
+
+    def restrict(self, layer: Layer, f: Floats) -> Floats:
+        """P^T f, shape [k, 3]."""
+
+    def add_scaled(self, x: Floats, t: float, d: Floats) -> None:
+        """x += t d in place."""
+
+    def largest(self, dx: Floats) -> float:
+        """Largest |component| of an array of shape [k, 3]; NaN when one of them is not finite."""
+
+    def von_mises(self, x: Floats) -> Floats:
+        """Von Mises norm of the Cauchy stress of each tetrahedron [Pa], shape [m]."""
