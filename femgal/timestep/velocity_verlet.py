@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femgal.kernels.backend import Backend
+from femgal.kernels.cpu.motion import accelerate_kick, kick_drift
+from femgal.kernels.cpu.threads import Workers
 from femgal.solvers.spectrum import largest_frequency_squared, random_start
 from femgal.timestep.state import Motion, MotionState, place
 
@@ -47,12 +49,16 @@ class VelocityVerlet:
     motions: Sequence[Motion] = ()
     safety: float = 0.9
     substeps: int | None = None
+    _workers: Workers = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._workers = Workers(self.backend.threads)
 
     def init(self, x0: Floats, v0: Floats) -> MotionState:
         """State at time zero; its memory holds the acceleration, the fastest mode and its frequency."""
         x, v = x0.copy(), v0.copy()
         place(self.motions, 0.0, x)
-        memory = {"acceleration": self._acceleration(x)}
+        memory = {"acceleration": self._accelerate(x, v.copy(), 0.0)}
         if self.substeps is None:
             X = self.backend.disc.mesh.points
             omega2, mode = largest_frequency_squared(self.backend, X, random_start(len(X)))
@@ -105,12 +111,12 @@ class VelocityVerlet:
 
     def step(self, state: MotionState, h: float) -> MotionState:
         """One kick-drift-kick step."""
-        half = 0.5 * h * self.damping
-        v = (1.0 - half) * state.v + 0.5 * h * state.memory["acceleration"]
-        x = state.x + h * v
+        x, v = np.empty_like(state.x), np.empty_like(state.v)
+        before = (state.x.ravel(), state.v.ravel(), state.memory["acceleration"].ravel())
+        decay = 1.0 - 0.5 * h * self.damping
+        self._workers.run(kick_drift, x.size, *before, h, decay, x.ravel(), v.ravel())
         place(self.motions, state.time + h, x)
-        a = self._acceleration(x)
-        v = (v + 0.5 * h * a) / (1.0 + half)
+        a = self._accelerate(x, v, h)
         for motion in self.motions:
             v[motion.vertices] = (x[motion.vertices] - state.x[motion.vertices]) / h
         return MotionState(state.time + h, x, v, state.memory | {"acceleration": a})
@@ -119,8 +125,9 @@ class VelocityVerlet:
         """None: an explicit step solves no equation."""
         return None
 
-    def _acceleration(self, x: Floats) -> Floats:
-        a = self.backend.gradient(x)
-        a /= -self.backend.disc.mass[:, None]
-        a[self.backend.disc.free] += self.gravity
+    def _accelerate(self, x: Floats, v: Floats, h: float) -> Floats:
+        """Acceleration at x [m/s^2], shape [n, 3]; the second half kick of h is added to v in place."""
+        a, disc = self.backend.gradient(x), self.backend.disc
+        growth = 1.0 / (1.0 + 0.5 * h * self.damping)
+        self._workers.run(accelerate_kick, len(a), disc.mass, disc.free, self.gravity, h, growth, a, v)
         return a
