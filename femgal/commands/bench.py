@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`femgal bench`: how fast things are here, one question per sub-command."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from verify.benchmark.kernel_report import KernelReport
+    from verify.benchmark.kernel_tables import TextTable
+
+
+@click.group()
+def command() -> None:
+    """Measure speed on this machine."""
+
+
+@command.command()
+@click.option("--mesh", metavar="NAME", help="A mesh of `femgal mesh info` or a file; a jittered Kuhn box by default.")
+@click.option("--vertices", type=click.IntRange(min=8), help="Wanted number of vertices of --mesh.")
+@click.option("--cells", type=click.IntRange(3, 1000), help="Grid cells along each axis of the box; 59 by default.")
+@click.option("--threads", metavar="N,N", help="Numbers of threads; 1 and all processors by default.")
+@click.option("--precision", metavar="P,P", help="Some of float32, float64, plain (the reference); all by default.")
+@click.option("--repeats", type=int, default=7, show_default=True, help="Rounds, 7 or more.")
+@click.option("--stream-mb", type=float, default=900.0, show_default=True, help="MB of each of STREAM's three arrays.")
+@click.option("--json", "json_path", metavar="PATH", help="Write every sample to PATH; - prints it and nothing else.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
+def kernels(
+    mesh: str | None,
+    vertices: int | None,
+    cells: int | None,
+    threads: str | None,
+    precision: str | None,
+    repeats: int,
+    stream_mb: float,
+    json_path: str | None,
+    force: bool,
+) -> None:
+    """Time every pass over the elements beside STREAM triad, and say how far it is from what the memory allows."""
+    out = _target(json_path, force)
+    if mesh is None and vertices is not None:
+        raise click.UsageError("--vertices goes with --mesh; the box takes --cells")
+    if mesh is not None and cells is not None:
+        raise click.UsageError("--cells is of the box; a --mesh takes --vertices")
+    from verify.benchmark.kernels import DEFAULT_CELLS, KernelSettings, bench_kernels
+    from verify.benchmark.passes import VARIANTS
+
+    settings = KernelSettings(
+        _numbers(threads) if threads is not None else _default_threads(),
+        VARIANTS if precision is None else tuple(part.strip() for part in precision.split(",")),
+        repeats,
+        stream_mb,
+    )
+    report = bench_kernels(
+        settings,
+        mesh=mesh,
+        vertices=vertices,
+        cells=cells or DEFAULT_CELLS,
+        announce=lambda text: click.echo(f"{text} ...", err=True),
+    )
+    _show(report, json_path, out)
+
+
+def _target(json_path: str | None, force: bool) -> Path | None:
+    """The file to write, checked before anything is measured; None for none."""
+    if json_path in (None, "-"):
+        return None
+    from meshes.io.source import writable
+
+    return writable(Path(str(json_path)), force=force)
+
+
+def _default_threads() -> tuple[int, ...]:
+    import os
+
+    return tuple(sorted({1, len(os.sched_getaffinity(0))}))
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    from meshes.errors import InputError
+
+    try:
+        return tuple(int(part) for part in text.split(","))
+    except ValueError:
+        allowed = "whole numbers separated by commas"
+        raise InputError("not a list of numbers", where="--threads", found=repr(text), allowed=allowed) from None
+
+
+def _show(report: KernelReport, json_path: str | None, out: Path | None) -> None:
+    import json
+
+    text = json.dumps(report.as_dict(), indent=1)
+    if json_path == "-":
+        click.echo(text)
+        return
+    _print(report)
+    if out is not None:
+        out.write_text(text + "\n", encoding="utf-8")
+        click.echo(f"wrote {out}")
+
+
+def _print(report: KernelReport) -> None:
+    from rich.console import Console
+
+    from verify.benchmark.kernel_tables import notes, preamble, tables
+
+    # Figures are pasted into files: in a pipe they keep a width that needs no wrapping.
+    console = Console(highlight=False) if sys.stdout.isatty() else Console(width=140, highlight=False)
+    for line in preamble(report):
+        console.print(line, soft_wrap=True, markup=False)
+    for table in tables(report):
+        console.print(_drawn(table))
+    for line in notes(report):
+        console.print(line, soft_wrap=True, markup=False)
+
+
+def _drawn(table: TextTable) -> Any:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    drawn = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for number, head in enumerate(table.heads):
+        drawn.add_column(Text(head), justify="right" if number else "left", no_wrap=True)
+    for row in table.rows:
+        drawn.add_row(*map(Text, row))  # Text: "[s]" is a unit here, not markup
+    return drawn
