@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from femgal.diagnostics import Energies, EnergyGuard, energies_of
 from femgal.discretisation import Discretisation, discretise
 from femgal.failure import SolverFailure
-from femgal.hierarchy.hierarchy import Hierarchy, build_constant_hierarchy
+from femgal.hierarchy.hierarchy import Hierarchy, build_constant_hierarchy, build_linear_hierarchy
 from femgal.kernels.backend import Backend, Passes
 from femgal.kernels.plain.backend import PlainBackend
 from femgal.scene.build import World, build_world
-from femgal.scene.model import Scene
+from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan, make_plan
 from femgal.timestep.build import build_stepper
 from femgal.timestep.potential import eps18
@@ -118,7 +118,7 @@ class Simulation:
         hierarchy = None
         if scene.solver.name == "fas":
             announce("building the hierarchy")
-            hierarchy = build_constant_hierarchy(disc, scene.solver.ratio, scene.solver.layers)
+            hierarchy = _build_hierarchy(disc, scene.solver)
         plan = make_plan(scene, world, disc, hierarchy)
         backend = PlainBackend(disc, scene.solver.threads, hierarchy.layers[0] if hierarchy else None)
         stepper = build_stepper(scene, plan, backend, hierarchy, world.motions)
@@ -303,6 +303,12 @@ class Simulation:
             return "leave solver.substeps out, or lower solver.safety; or take --solver fas"
         advice = f"more substeps (--substeps {2 * (self.plan.substeps or 1)})"
         return advice if settings.steps == "exact" else f"{advice}, or --set solver.steps=exact"
+
+
+def _build_hierarchy(disc: Discretisation, settings: SolverSettings) -> Hierarchy:
+    if settings.transfer == "linear":
+        return build_linear_hierarchy(disc, settings.layers)
+    return build_constant_hierarchy(disc, settings.ratio, settings.layers)
 
 
 def _check_start(world: World) -> None:

@@ -35,6 +35,32 @@ def vertex_cells(cells: Indices, n_vertices: int) -> tuple[NDArray[np.int64], In
     return start, cell
 
 
+def cell_edges(cells: Indices, n_vertices: int) -> Indices:
+    """Edges between vertices of a cell, each once: lower vertex first and ascending, shape [n_edges, 2]."""
+    start, cell = vertex_cells(cells, n_vertices)
+    edges = np.empty((_find_edges(cells, start, cell, np.empty((0, 2), np.int32)), 2), np.int32)
+    _find_edges(cells, start, cell, edges)
+    return edges
+
+
+@kernel
+def _find_edges(cells: Indices, start: NDArray[np.int64], cell: Indices, edges: Indices) -> int:
+    """Number of edges, written to `edges` as far as there is room."""
+    n_vertices = len(start) - 1
+    last = np.full(n_vertices, -1, np.int32)
+    n = 0
+    for v in range(n_vertices):
+        for j in range(start[v], start[v + 1]):
+            for k in range(cells.shape[1]):
+                w = cells[cell[j], k]
+                if w > v and last[w] != v:
+                    last[w] = v
+                    if n < len(edges):
+                        edges[n, 0], edges[n, 1] = v, w
+                    n += 1
+    return n
+
+
 def component_labels(cells: Indices, group: Indices | None = None) -> Indices:
     """Lowest vertex of the component that each vertex belongs to.
 

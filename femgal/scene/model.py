@@ -7,11 +7,12 @@ kilograms, z points up. `femgal.scene.load` reads files into `Scene`; `femgal.sc
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from femgal.hierarchy import LINEAR_RATIO
 from femgal.scene.quantities import (
     Count,
     Density,
@@ -131,7 +132,10 @@ class SolverSettings(Table):
     substeps : Time steps per frame; the solver's default when left out (``verlet``: from its stable step).
     iterations : Cycles or sweeps per substep.
     tolerance : Stop iterating below this residual eps18 [m] (Lu et al. 2025, Eq. 18); off when left out.
-    ratio : Vertices per coarse node from one layer to the next.
+    transfer : ``constant`` (coarse nodes are clusters of vertices) or ``linear`` (corners of coarse tetrahedra, whose
+        motion is interpolated: far fewer cycles for stiff bodies and long steps, each several times as dear).
+    ratio : Vertices per coarse node from one layer to the next, 32 when left out; ``linear`` has 8, as each lattice is
+        twice as wide.
     layers : Number of coarse layers, or ``full`` for as many as the mesh gives.
     steps : Step lengths: ``exact`` (to the minimum along each correction: the energy never grows, however stiff the
         body or long the step), ``spectral`` (from power iteration at rest: half the cost of a substep, for soft bodies
@@ -144,11 +148,32 @@ class SolverSettings(Table):
     substeps: Annotated[Count, Field(le=10_000_000)] | None = None
     iterations: Count = 1
     tolerance: Annotated[Number, Field(gt=0), Unit("m")] | None = None
+    transfer: Literal["constant", "linear"] = "constant"
     ratio: Annotated[Count, Field(ge=2)] = 32
     layers: Layers = "full"
     steps: StepLengths = "exact"
     safety: Annotated[Number, Field(gt=0, le=1)] = 0.9
     threads: Count | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _ratio_of_linear(cls, data: Any) -> Any:
+        """Fill in the one ratio that the linear transfer has: a scene with all defaults written out is valid too."""
+        if isinstance(data, dict) and data.get("transfer") == "linear":
+            return {"ratio": LINEAR_RATIO} | data
+        return data
+
+    @model_validator(mode="after")
+    def _linear_has_one_ratio(self) -> Self:
+        if self.transfer == "linear" and self.ratio != LINEAR_RATIO:
+            context = {
+                "key": "solver.ratio",
+                "found": str(self.ratio),
+                "allowed": f'{LINEAR_RATIO} with transfer = "linear"',
+                "advice": f"leave ratio out, or set it to {LINEAR_RATIO}",
+            }
+            raise PydanticCustomError("ratio", "each lattice is twice as wide as the one before", context)
+        return self
 
 
 def _known_fields(names: tuple[str, ...]) -> tuple[str, ...]:

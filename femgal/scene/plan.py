@@ -142,7 +142,7 @@ def _start_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | Non
     if hierarchy is None:
         stages.append(Stage("hierarchy", "start", False, f"{name} works on the finest mesh only"))
     else:
-        stages.append(Stage("hierarchy", "start", True, f"ratio {hierarchy.ratio}, {len(hierarchy.layers)} layers"))
+        stages.append(Stage("hierarchy", "start", True, _summary(hierarchy)))
     if name == "verlet":
         given = scene.solver.substeps is not None
         note = "substeps given" if given else "largest frequency by power iteration, followed every frame"
@@ -152,6 +152,10 @@ def _start_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | Non
         note = "smoothing and stability bounds of each layer, by power iteration" if spectral else "not asked for"
         stages.append(Stage("spectral step lengths", "start", spectral, note))
     return stages
+
+
+def _summary(hierarchy: Hierarchy) -> str:
+    return f"{hierarchy.transfer} transfer, ratio {hierarchy.ratio}, {len(hierarchy.layers)} layers"
 
 
 def _motion_stages(scene: Scene, world: World, disc: Discretisation) -> list[Stage]:
@@ -203,7 +207,8 @@ def _layer_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy) -> l
         stages.append(Stage(f"layer {number}", "substep", True, layer.name, layer.n_nodes, len(layer.active), passes))
         if number > 0:
             interior = disc.n_tets - len(layer.active)
-            note = f"{interior} elements inside one cluster contribute exactly zero"
+            where = "inside one cluster" if hierarchy.transfer == "constant" else "without a free vertex"
+            note = f"{interior} elements {where} contribute exactly zero"
             stages.append(Stage(f"interior of layer {number}", "substep", False, note, 0, interior))
     return stages
 
@@ -211,11 +216,12 @@ def _layer_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy) -> l
 def _unneeded_layer(scene: Scene, n_free: int, hierarchy: Hierarchy) -> Stage:
     """The first coarse layer that the hierarchy does not have."""
     number = len(hierarchy.layers)
-    size = hierarchy.ratio**number
+    constant = hierarchy.transfer == "constant"
+    what = f"clusters of {hierarchy.ratio**number}" if constant else "lattice twice as wide"
     asked = scene.solver.layers != "full" and number > scene.solver.layers
     few = f"{n_free} free vertices make fewer than {FEWEST_NODES} of them, or few more than of the finer layer"
     why = "not asked for" if asked else few
-    return Stage(f"layer {number}", "substep", False, f"clusters of {size}: {why}")
+    return Stage(f"layer {number}", "substep", False, f"{what}: {why}")
 
 
 def _frame_stages(scene: Scene, disc: Discretisation, explicit: bool, moving: bool) -> list[Stage]:

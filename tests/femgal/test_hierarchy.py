@@ -87,5 +87,5 @@ def test_table():
         assert f" {layer.n_nodes} " in line
         assert f" {len(layer.active)} " in line
         assert line.endswith(str(layer.n_pairs))
-    assert lines[-1] == f"complexity {built.complexity:.3f}"
+    assert lines[-1] == f"constant transfer, ratio 8, complexity {built.complexity:.3f}"
     assert " no " in str(replace(built, connected=(True, False, True)))
