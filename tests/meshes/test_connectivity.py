@@ -4,7 +4,8 @@
 1. vertex_cells lists the cells around each vertex, ascending, also for vertices without any.
 2. component_labels gives the lowest vertex of each component, as a search over the graph does.
 3. With groups, vertices hang together only within theirs, and those of a negative group with none.
-4. No cells give no vertices and no labels.
+4. No cells give no vertices, no labels and no edges.
+5. cell_edges lists every pair of vertices of a cell once, in ascending order.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from meshes.connectivity import component_labels, vertex_bound, vertex_cells
+from meshes.connectivity import cell_edges, component_labels, vertex_bound, vertex_cells
 from meshes.generators import box
 
 SEED = 73_939_133
@@ -58,4 +59,18 @@ def test_no_cells():
     none = np.empty((0, 4), np.int32)
     assert vertex_bound(none) == 0
     assert len(component_labels(none)) == 0
+    assert cell_edges(none, 5).shape == (0, 2)
+
+
+@pytest.mark.parametrize("width", [2, 3, 4])
+def test_cell_edges(width):
+    random = np.random.default_rng(SEED + width)
+    cells = np.stack([random.choice(60, width, replace=False) for _ in range(200)]).astype(np.int32)
+    pairs = {tuple(sorted((int(c[i]), int(c[j])))) for c in cells for i in range(width) for j in range(i)}
+    edges = cell_edges(cells, 60)
+    assert edges.dtype == np.int32
+    assert {tuple(edge) for edge in edges.tolist()} == pairs
+    assert len(edges) == len(pairs)
+    assert (np.diff(edges[:, 0]) >= 0).all()
+    assert (edges[:, 0] < edges[:, 1]).all()
     assert vertex_bound(np.array([[3, 7, 5, 6]], np.int32)) == 8
