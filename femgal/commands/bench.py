@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,8 +107,8 @@ def _print(report: KernelReport) -> None:
 
     from verify.benchmark.kernel_tables import notes, preamble, tables
 
-    # Figures are pasted into files: in a pipe they keep a width that needs no wrapping.
-    console = Console(highlight=False) if sys.stdout.isatty() else Console(width=140, highlight=False)
+    # No figure is cut off where the terminal is narrow: its lines wrap.
+    console = Console(width=160, highlight=False)
     for line in preamble(report):
         console.print(line, soft_wrap=True, markup=False)
     for table in tables(report):

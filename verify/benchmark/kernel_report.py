@@ -56,6 +56,11 @@ class PassResult:
         """Tetrahedra per second of wall time, from the median."""
         return self.tets / self.timing.median
 
+    @property
+    def cpu_rate(self) -> float:
+        """Tetrahedra per second if every thread had the same work and a processor of its own."""
+        return self.threads * self.tets / self.timing.cpu_median
+
 
 class Ratio(NamedTuple):
     """Times over one another: median and extremes over the rounds of wall times, and medians of CPU times."""
@@ -129,7 +134,7 @@ class KernelReport:
         content: dict[str, Any] = {"schema": SCHEMA, **asdict(self)}
         for row, result in zip(content["passes"], self.passes, strict=True):
             row["derived"] = {
-                "tets_per_second": result.rate,
+                "tets_per_second_wall_cpu": (result.rate, result.cpu_rate),
                 "bound_tets_per_second": self.bound(result),
                 "bound_share_wall_cpu": self.bound_share(result),
                 "speed_up_wall_cpu": self.speed_up(result),

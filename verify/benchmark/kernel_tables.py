@@ -57,10 +57,12 @@ def preamble(report: KernelReport) -> list[str]:
 def notes(report: KernelReport) -> list[str]:
     """How to read the tables, and what in them is to be doubted."""
     found = [
-        "wall / CPU: by elapsed time, and by CPU time, which a busy machine disturbs less.",
-        "B/tet: bytes that a pass has to move at least, fixed (52 or 96 for the element phase, 78 or 149 with blocks; "
+        "wall / CPU: by elapsed time, and by CPU time as if the threads shared the work evenly, each on "
+        "a processor of its own.",
+        "B/tet: bytes that a pass has to move at least, fixed: 52 or 96 for the element phase, 78 or 149 with blocks; "
         "vectors a third of that output, energies 16 more, coarse layers and energies along a line no output, node "
-        "work by its float64 arrays). bound: the best STREAM triad on as many threads, over B/tet.",
+        "work by its float64 arrays.",
+        "bound [Mtet/s]: the best STREAM triad on as many threads, over B/tet; what stays in the cache can pass it.",
     ]
     cache = report.machine["last_level_cache"] or 0
     smallest = min(result.bytes_moved / 3 for result in report.stream)
@@ -92,13 +94,13 @@ def _stream(report: KernelReport) -> TextTable:
 
 
 def _passes(report: KernelReport, variant: str) -> TextTable:
-    heads = ("pass", "threads", "ms", "min..max", "CPU ms", "Mtet/s", "B/tet", "bound Mtet/s", "% of bound", "speed-up")
+    heads = ("pass", "threads", "ms", "min..max", "CPU ms (best)", "Mtet/s", "B/tet", "bound", "% of bound", "speed-up")
     title = "float64 reference without tiles" if variant == "plain" else f"{variant} tiles"
     chosen = [result for result in report.passes if result.variant == variant]
     # Threads of one pass under one another.
     names = list(dict.fromkeys(result.name for result in chosen))
     chosen.sort(key=lambda result: names.index(result.name))
-    return TextTable(f"{title} (wall / CPU)", heads, tuple(_pass_row(report, result) for result in chosen))
+    return TextTable(f"{title}; pairs are wall / CPU", heads, tuple(_pass_row(report, result) for result in chosen))
 
 
 def _pass_row(report: KernelReport, result: PassResult) -> tuple[str, ...]:
@@ -108,8 +110,8 @@ def _pass_row(report: KernelReport, result: PassResult) -> tuple[str, ...]:
         f"{result.threads}",
         _number(1e3 * timing.median),
         f"{_number(1e3 * timing.best)}..{_number(1e3 * timing.worst)}",
-        _number(1e3 * timing.cpu_median),
-        _number(result.rate / 1e6),
+        f"{_number(1e3 * timing.cpu_median)} ({_number(1e3 * min(timing.cpu))})",
+        f"{_number(result.rate / 1e6)} / {_number(result.cpu_rate / 1e6)}",
         "" if result.bytes_per_tet is None else _number(result.bytes_per_tet),
         "" if bound is None else _number(bound / 1e6),
         _pair(report.bound_share(result), 100.0, 0),

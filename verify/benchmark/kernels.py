@@ -28,7 +28,7 @@ DEFAULT_CELLS = 59
 FEWEST_REPEATS = 7
 
 # Peak use per tetrahedron [bytes] of one backend, and of the mesh with its hierarchy; measured, rounded up.
-_BACKEND_BYTES, _MESH_BYTES = 500.0, 600.0
+_BACKEND_BYTES, _MESH_BYTES = 400.0, 400.0
 
 _LAUNCHES = 50
 
