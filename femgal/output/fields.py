@@ -77,7 +77,8 @@ def find_field(name: str) -> Field | None:
     """Return the catalogue's entry for `name`, None when there is none."""
     layer = _CLUSTER.fullmatch(name)
     if layer:
-        return Field(name, "point", 1, "-", True, f"cluster id of the vertex in coarse layer {layer[1]}; -1 if fixed")
+        meaning = f"node of coarse layer {layer[1]} that moves the vertex most, its cluster; -1 if fixed"
+        return Field(name, "point", 1, "-", True, meaning)
     return FIELDS.get(name)
 
 

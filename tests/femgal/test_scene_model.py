@@ -6,6 +6,7 @@
 3. Choices that exclude one another are refused when given together, and when none is given where one is needed.
 4. Everything that may be written in two ways means the same.
 5. A scene never changes after it was read.
+6. The linear transfer has ratio 8, given or not; the constant one has 32 when none is given.
 """
 
 from __future__ import annotations
@@ -164,6 +165,17 @@ def test_paths(path, parts):
         ("[solver]\niterations = 0", ["1 <= iterations, an integer"]),
         ("[solver]\ntolerance = 0.0", ["0 < tolerance [m]"]),
         ("[solver]\nratio = 1", ["2 <= ratio, an integer"]),
+        ("[solver]\ntransfer = 'cubic'", ["solver.transfer", '"constant", "linear"']),
+        (
+            "[solver]\ntransfer = 'linear'\nratio = 32",
+            [
+                "solver.ratio: each lattice",
+                "found:   32",
+                '8 with transfer = "linear"',
+                "leave ratio out, or set it to 8",
+            ],
+        ),
+        ("[solver]\ntransfer = 'linear'\nratio = 1", ["2 <= ratio, an integer"]),
         ("[solver]\nlayers = -1", ["solver.layers", '"full" or an integer >= 0']),
         ("[solver]\nlayers = true", ["solver.layers", "found:   true"]),
         ("[solver]\nsteps = [0.25, 2.0]", ["solver.steps", "0 < w < 2"]),
@@ -205,6 +217,21 @@ def test_integers_count_as_numbers():
 def test_solver_choices_are_kept():
     found = scene(rest="[solver]\nsteps = [0.25, 0.5]\nlayers = 2\nname = 'verlet'\nsafety = 1").solver
     assert (found.steps, found.layers, found.name, found.safety) == ((0.25, 0.5), 2, "verlet", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ("", ("constant", 32)),
+        ("transfer = 'constant'", ("constant", 32)),
+        ("ratio = 8", ("constant", 8)),
+        ("transfer = 'linear'", ("linear", 8)),
+        ("transfer = 'linear'\nratio = 8", ("linear", 8)),
+    ],
+)
+def test_transfer_and_ratio(lines, expected):
+    solver = scene(rest=f"[solver]\n{lines}").solver
+    assert (solver.transfer, solver.ratio) == expected
 
 
 def test_scenes_are_frozen():

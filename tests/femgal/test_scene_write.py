@@ -71,6 +71,13 @@ def test_builtin_scenes_survive(name):
     assert parse_scene(scene_to_toml(scene), "again.toml") == scene
 
 
+def test_the_ratio_of_the_linear_transfer_survives():
+    scene = load_scene("rabbit-drape", overrides={"solver.transfer": "linear"})
+    text = scene_to_toml(scene)
+    assert "ratio = 8" in text
+    assert parse_scene(text, "again.toml") == scene
+
+
 def test_every_kind_of_value_survives():
     scene = parse_scene(EVERYTHING, "everything.toml")
     text = scene_to_toml(scene)
