@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femgal.materials.svd import eigenvectors, singular_values
 from femgal.materials.tensor import (
     Tensor,
     Vector,
@@ -26,6 +27,8 @@ from femgal.materials.tensor import (
     contract,
     determinant,
     like,
+    multiply,
+    transpose,
 )
 from meshes.jit import scalar
 
@@ -71,6 +74,97 @@ def stress_increment(F: Tensor, dF: Tensor, mu: Any, lam: Any) -> Tensor:
     c = lam * (determinant(F, C) - like(mu, 1)) - mu
     P = combine(mu, dF, lam * contract(C, dF), C)
     return combine(like(mu, 1), P, c, cofactor_increment(F, dF))
+
+
+@scalar
+def stress_increment_definite(F: Tensor, dF: Tensor, mu: Any, lam: Any) -> Tensor:
+    """Action on dF of the Hessian with its negative eigenvalues set to zero; finite for every finite F.
+
+    Where the Hessian is positive semi-definite it is `stress_increment`. An element without material (mu = lam = 0)
+    gives zero.
+    """
+    return spectral_action(definite_spectrum(F, mu, lam), dF)
+
+
+@scalar
+def definite_spectrum(F: Tensor, mu: Any, lam: Any) -> tuple[Tensor, Tensor, Vector, Vector, Vector]:
+    """The Hessian without its negative part, in the frame of F = U diag(s) V^T (Smith, de Goes, Kim 2019).
+
+    With dG = U^T dF V the Hessian falls into a block of the three stretches, mu I + lam z z^T + c M with
+    z = (s1 s2, s2 s0, s0 s1) and M_ij = s_k for i, j, k all different, and for each pair i < j the flip
+    (dG_ij + dG_ji) / 2 with eigenvalue mu - c s_k and the twist (dG_ij - dG_ji) / 2 with eigenvalue mu + c s_k.
+
+    Returns
+    -------
+    U, V : the rotations.
+    block : of the stretches, without its negative eigenvalues, as xx xy xz yy yz zz.
+    flip, twist : eigenvalues, none negative, of the pairs yz, zx, xy.
+    """
+    U, s, V = singular_values(F)
+    c = lam * (s[0] * s[1] * s[2] - like(mu, 1)) - mu
+    x, y, z = c * s[0], c * s[1], c * s[2]
+    flip, twist = _above_zero((mu - x, mu - y, mu - z)), _above_zero((mu + x, mu + y, mu + z))
+    return U, V, _stretch_block(s, c, mu, lam), flip, twist
+
+
+@scalar
+def spectral_action(spectrum: tuple[Tensor, Tensor, Vector, Vector, Vector], dF: Tensor) -> Tensor:
+    """dP = U dQ V^T, with dQ the Hessian of `definite_spectrum` applied to U^T dF V."""
+    U, V, B, flip, twist = spectrum
+    G = multiply(multiply(transpose(U), dF), V)
+    yz, zy = _flip_and_twist(G[5], G[7], flip[0], twist[0])
+    zx, xz = _flip_and_twist(G[6], G[2], flip[1], twist[1])
+    xy, yx = _flip_and_twist(G[1], G[3], flip[2], twist[2])
+    xx = B[0] * G[0] + B[1] * G[4] + B[2] * G[8]
+    yy = B[1] * G[0] + B[3] * G[4] + B[4] * G[8]
+    zz = B[2] * G[0] + B[4] * G[4] + B[5] * G[8]
+    return multiply(multiply(U, (xx, xy, xz, yx, yy, yz, zx, zy, zz)), transpose(V))
+
+
+@scalar
+def _flip_and_twist(a: Any, b: Any, flip: Any, twist: Any) -> Vector:
+    """Both off-diagonal entries of a pair: flip (a + b) / 2 plus and minus twist (a - b) / 2."""
+    p, q = like(a, 0.5) * flip * (a + b), like(a, 0.5) * twist * (a - b)
+    return p + q, p - q
+
+
+@scalar
+def _stretch_block(s: Vector, c: Any, mu: Any, lam: Any) -> Vector:
+    """The block mu I + lam z z^T + c M without its negative eigenvalues, xx xy xz yy yz zz."""
+    x, y, z = s[1] * s[2], s[2] * s[0], s[0] * s[1]
+    # No entry is larger than this sum; zero only without material.
+    size = mu + lam * (x * x + y * y + z * z) + abs(c) * (abs(s[0]) + abs(s[1]) + abs(s[2]))
+    a = like(mu, 1) / (size + like(mu, 1e-30))
+    b, d, e = a * lam, a * mu, a * c
+    values, (p, q, r) = eigenvectors(
+        (
+            d + b * x * x,
+            b * x * y + e * s[2],
+            b * x * z + e * s[1],
+            d + b * y * y,
+            b * y * z + e * s[0],
+            d + b * z * z,
+        )
+    )
+    a, b, c = _above_zero((size * values[0], size * values[1], size * values[2]))
+    return (
+        a * p[0] * p[0] + b * q[0] * q[0] + c * r[0] * r[0],
+        a * p[0] * p[1] + b * q[0] * q[1] + c * r[0] * r[1],
+        a * p[0] * p[2] + b * q[0] * q[2] + c * r[0] * r[2],
+        a * p[1] * p[1] + b * q[1] * q[1] + c * r[1] * r[1],
+        a * p[1] * p[2] + b * q[1] * q[2] + c * r[1] * r[2],
+        a * p[2] * p[2] + b * q[2] * q[2] + c * r[2] * r[2],
+    )
+
+
+@scalar
+def _above_zero(values: Vector) -> Vector:
+    zero = like(values[0], 0)
+    return (
+        values[0] if values[0] > zero else zero,
+        values[1] if values[1] > zero else zero,
+        values[2] if values[2] > zero else zero,
+    )
 
 
 @scalar

@@ -121,3 +121,9 @@ def multiply(A: Tensor, B: Tensor) -> Tensor:
         A[6] * B[1] + A[7] * B[4] + A[8] * B[7],
         A[6] * B[2] + A[7] * B[5] + A[8] * B[8],
     )
+
+
+@scalar
+def transpose(A: Tensor) -> Tensor:
+    """A^T."""
+    return (A[0], A[3], A[6], A[1], A[4], A[7], A[2], A[5], A[8])

@@ -3,7 +3,7 @@
 
 1. Cofactor: C^T F = det F I for every F, singular ones included; columns are cross products of F's columns.
 2. Cofactor increment: exact mixed product, cof(F + G) = cof F + dC[G] + cof G, and symmetric in F and G.
-3. Determinant, contraction, matrix-vector and matrix-matrix products and linear combinations equal NumPy's.
+3. Determinant, contraction, transpose, matrix-vector and matrix-matrix products and linear combinations equal NumPy's.
 4. `like` gives literals of the same type.
 """
 
@@ -14,7 +14,17 @@ import numpy as np
 import pytest
 
 from femgal.materials import tensor
-from femgal.materials.tensor import apply, cofactor, cofactor_increment, combine, contract, determinant, like, multiply
+from femgal.materials.tensor import (
+    apply,
+    cofactor,
+    cofactor_increment,
+    combine,
+    contract,
+    determinant,
+    like,
+    multiply,
+    transpose,
+)
 from tests.femgal.problems import rng
 
 
@@ -22,7 +32,7 @@ from tests.femgal.problems import rng
 def everything(A, B):
     """All functions at once: one compilation instead of eight."""
     C = cofactor(A)
-    increment, product = cofactor_increment(A, B), multiply(A, B)
+    increment, product = cofactor_increment(A, B), multiply(A, transpose(B))
     scalars = (determinant(A, C), contract(A, B))
     return C, increment, product, scalars, apply(A, (B[0], B[1], B[2])), combine(2.0, A, -3.0, B)
 
@@ -49,7 +59,7 @@ def test_against_numpy(A, B):
     np.testing.assert_allclose(C.ravel() + increment + call(B, A)[0], call(A + B, A)[0], **close)
     np.testing.assert_allclose(increment, call(B, A)[1], **close)
     np.testing.assert_allclose(scalars, [np.linalg.det(A), (A * B).sum()], **close)
-    np.testing.assert_allclose(product.reshape(3, 3), A @ B, **close)
+    np.testing.assert_allclose(product.reshape(3, 3), A @ B.T, **close)
     np.testing.assert_allclose(applied, A @ B[0], **close)
     np.testing.assert_allclose(combined.reshape(3, 3), 2.0 * A - 3.0 * B, **close)
 
