@@ -301,15 +301,15 @@ def without_negative(H: np.ndarray) -> np.ndarray:
 @numba.njit(fastmath={"contract"}, error_model="numpy")
 def increments(S, E):
     """F in rows 0 to 8 and dF from 9 on; the definite increment from row 18 on."""
-    for lane in range(LANES):
-        F = (S[lane], S[LANES + lane], S[2 * LANES + lane], S[3 * LANES + lane], S[4 * LANES + lane], S[5 * LANES + lane],
-             S[6 * LANES + lane], S[7 * LANES + lane], S[8 * LANES + lane])  # fmt: skip
-        dF = (S[9 * LANES + lane], S[10 * LANES + lane], S[11 * LANES + lane], S[12 * LANES + lane], S[13 * LANES + lane],
-              S[14 * LANES + lane], S[15 * LANES + lane], S[16 * LANES + lane], S[17 * LANES + lane])  # fmt: skip
+    for i in range(LANES):
+        F = (S[i], S[LANES + i], S[2 * LANES + i], S[3 * LANES + i], S[4 * LANES + i], S[5 * LANES + i],
+             S[6 * LANES + i], S[7 * LANES + i], S[8 * LANES + i])  # fmt: skip
+        dF = (S[9 * LANES + i], S[10 * LANES + i], S[11 * LANES + i], S[12 * LANES + i], S[13 * LANES + i],
+              S[14 * LANES + i], S[15 * LANES + i], S[16 * LANES + i], S[17 * LANES + i])  # fmt: skip
         P = material.stress_increment_definite(F, dF, E[0], E[1])
-        S[18 * LANES + lane], S[19 * LANES + lane], S[20 * LANES + lane] = P[0], P[1], P[2]
-        S[21 * LANES + lane], S[22 * LANES + lane], S[23 * LANES + lane] = P[3], P[4], P[5]
-        S[24 * LANES + lane], S[25 * LANES + lane], S[26 * LANES + lane] = P[6], P[7], P[8]
+        S[18 * LANES + i], S[19 * LANES + i], S[20 * LANES + i] = P[0], P[1], P[2]
+        S[21 * LANES + i], S[22 * LANES + i], S[23 * LANES + i] = P[3], P[4], P[5]
+        S[24 * LANES + i], S[25 * LANES + i], S[26 * LANES + i] = P[6], P[7], P[8]
 
 
 def definite_increments(F: np.ndarray, dF: np.ndarray, mu: float, lam: float) -> np.ndarray:

@@ -23,26 +23,26 @@ OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
 @numba.njit(**OPTIONS)
 def decompose(S):
     """F in rows 0 to 8; U from row 9 on, s from 18, V from 21."""
-    for lane in range(LANES):
-        F = (S[lane], S[LANES + lane], S[2 * LANES + lane], S[3 * LANES + lane], S[4 * LANES + lane], S[5 * LANES + lane],
-             S[6 * LANES + lane], S[7 * LANES + lane], S[8 * LANES + lane])  # fmt: skip
+    for i in range(LANES):
+        F = (S[i], S[LANES + i], S[2 * LANES + i], S[3 * LANES + i], S[4 * LANES + i], S[5 * LANES + i],
+             S[6 * LANES + i], S[7 * LANES + i], S[8 * LANES + i])  # fmt: skip
         U, s, V = singular_values(F)
         out = U + s + V
         for j in range(21):
-            S[(9 + j) * LANES + lane] = out[j]
+            S[(9 + j) * LANES + i] = out[j]
 
 
 @numba.njit(**OPTIONS)
 def diagonalise(S):
     """F in rows 0 to 8; eigenvalues of F + F^T from row 9 on, Q by columns from 12."""
-    for lane in range(LANES):
-        A = (S[lane] + S[lane], S[LANES + lane] + S[3 * LANES + lane], S[2 * LANES + lane] + S[6 * LANES + lane],
-             S[4 * LANES + lane] + S[4 * LANES + lane], S[5 * LANES + lane] + S[7 * LANES + lane],
-             S[8 * LANES + lane] + S[8 * LANES + lane])  # fmt: skip
+    for i in range(LANES):
+        A = (S[i] + S[i], S[LANES + i] + S[3 * LANES + i], S[2 * LANES + i] + S[6 * LANES + i],
+             S[4 * LANES + i] + S[4 * LANES + i], S[5 * LANES + i] + S[7 * LANES + i],
+             S[8 * LANES + i] + S[8 * LANES + i])  # fmt: skip
         values, Q = eigenvectors(A)
         out = values + Q[0] + Q[1] + Q[2]
         for j in range(12):
-            S[(9 + j) * LANES + lane] = out[j]
+            S[(9 + j) * LANES + i] = out[j]
 
 
 def in_tiles(loop, F, rows):
