@@ -359,5 +359,5 @@ def _header(simulation: Simulation) -> dict[str, Any]:
         "plan": [" | ".join(row) for row in simulation.plan.rows()],
         "threads": simulation.backend.threads,
         "device": "cpu",
-        "precision": "float64",
+        "precision": simulation.backend.precision,
     }

@@ -19,7 +19,7 @@ from femgal.discretisation import Discretisation, discretise
 from femgal.failure import SolverFailure
 from femgal.hierarchy.hierarchy import Hierarchy, build_constant_hierarchy, build_linear_hierarchy
 from femgal.kernels.backend import Backend, Passes
-from femgal.kernels.plain.backend import PlainBackend
+from femgal.kernels.cpu.backend import CpuBackend
 from femgal.scene.build import World, build_world
 from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan, make_plan
@@ -120,7 +120,8 @@ class Simulation:
             announce("building the hierarchy")
             hierarchy = _build_hierarchy(disc, scene.solver)
         plan = make_plan(scene, world, disc, hierarchy)
-        backend = PlainBackend(disc, scene.solver.threads, hierarchy.layers[0] if hierarchy else None)
+        finest = hierarchy.layers[0] if hierarchy else None
+        backend = CpuBackend(disc, scene.solver.threads, finest, scene.solver.precision)
         stepper = build_stepper(scene, plan, backend, hierarchy, world.motions)
         return cls(scene, world, disc, hierarchy, plan, backend, stepper)
 

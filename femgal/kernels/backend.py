@@ -87,6 +87,14 @@ class Backend(Protocol):
         H : Diagonal blocks of P^T (d2 phi) P [N/m], shape [k, 6], entries xx xy xz yy yz zz.
         """
 
+    def correction(
+        self, layer: Layer, x: Floats, xhat: Floats, inverse_h2: float, w: float = 1.0, *, scalar: bool = False
+    ) -> tuple[Floats, float]:
+        """dx = -w H^-1 g at the nodes of a layer [m], shape [k, 3], and its slope g . dx [J].
+
+        What `gradient_and_blocks` and `solve` give, without keeping g and H.
+        """
+
     def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float) -> Floats:
         """P^T (d2 phi)(x) d [N], shape [k, 3], for a d that the layer's nodes make."""
 

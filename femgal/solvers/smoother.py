@@ -42,15 +42,17 @@ def smooth(potential: IncrementalPotential, layer: Layer, x: Floats, w: float, *
     along the correction, so phi never grows.
     """
     backend = potential.backend
-    g, H = backend.gradient_and_blocks(layer, x, potential.xhat, potential.inverse_h2)
     if not math.isnan(w):
-        dx = backend.solve(g, H, w, scalar=scalar)
+        dx, _ = backend.correction(layer, x, potential.xhat, potential.inverse_h2, w, scalar=scalar)
         backend.prolong(layer, dx, x)
         return backend.largest(dx)
-    dx = backend.solve(g, H, 1.0, scalar=scalar)
+    dx, slope = backend.correction(layer, x, potential.xhat, potential.inverse_h2, scalar=scalar)
     d = np.zeros_like(x)
     backend.prolong(layer, dx, d)
-    t = first_minimum(potential.along(layer, x, d))
+    coefficients = potential.along(layer, x, d)
+    # The same number as the one it replaces, but free of the rounding in a sum over elements.
+    coefficients[0] = slope
+    t = first_minimum(coefficients)
     backend.add_scaled(x, t, d)
     return t * backend.largest(dx)
 

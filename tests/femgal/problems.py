@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femgal.discretisation import Discretisation, discretise
 from femgal.hierarchy.layer import Layer, build_layer
-from femgal.kernels.plain.backend import PlainBackend
+from femgal.kernels.cpu.backend import CpuBackend
 from femgal.timestep.backward_euler import BackwardEuler
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import MotionState
@@ -113,7 +113,7 @@ def march(stepper: BackwardEuler, state: MotionState, h: float, steps: int) -> l
 
 def potential_at(disc: Discretisation, xhat: Floats, h: float, inertia: float = 1.0) -> IncrementalPotential:
     """Incremental potential on one thread."""
-    return IncrementalPotential(PlainBackend(disc, 1), xhat, h, inertia)
+    return IncrementalPotential(CpuBackend(disc, 1), xhat, h, inertia)
 
 
 def slopes(errors: Floats, factor: float = 2.0) -> Floats:

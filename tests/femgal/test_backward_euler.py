@@ -24,7 +24,7 @@ import pytest
 import scipy.linalg
 
 from femgal.hierarchy.hierarchy import build_constant_hierarchy
-from femgal.kernels.plain.backend import PlainBackend
+from femgal.kernels.cpu.backend import CpuBackend
 from femgal.solvers.fas import FAS
 from femgal.solvers.jacobi import Jacobi, ScalarJacobi
 from femgal.solvers.smoother import LU2025_STEPS
@@ -47,7 +47,7 @@ CONVERGED = Budget(1000, 1e-14)
 def euler(disc, solver=FAS, rule="spectral", budget=ONE_PASS, gravity=GRAVITY, damping=0.0, motions=()):
     """Backward Euler with one of the solvers."""
     layers = build_constant_hierarchy(disc, 4).layers
-    backend = PlainBackend(disc, 1, layers[0])
+    backend = CpuBackend(disc, 1, layers[0])
     return BackwardEuler(backend, solver(backend, layers, rule, budget), 1, gravity, damping, motions)
 
 
@@ -180,7 +180,7 @@ def bent_beam(mesh):
 def reference_motion(mesh, frames: int) -> np.ndarray:
     """Positions after each frame of the same beam by velocity Verlet at a fifth of its stable step."""
     disc, motions, v0 = bent_beam(mesh)
-    stepper = VelocityVerlet(PlainBackend(disc, 1), GRAVITY, motions=motions, safety=0.2)
+    stepper = VelocityVerlet(CpuBackend(disc, 1), GRAVITY, motions=motions, safety=0.2)
     state, positions = stepper.init(mesh.points, v0), []
     for _ in range(frames):
         state, substeps = stepper.begin_frame(state, DURATION / frames)

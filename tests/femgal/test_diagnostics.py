@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from femgal.diagnostics import Energies, EnergyGuard, energies_of
-from femgal.kernels.plain.backend import PlainBackend
+from femgal.kernels.cpu.backend import CpuBackend
 from femgal.timestep.state import MotionState
 from femgal.timestep.velocity_verlet import VelocityVerlet
 from tests.femgal.problems import Moving, distorted_box, left_end, positions, uniform, varied
@@ -30,7 +30,7 @@ GRAVITY = np.array([1.0, -2.0, -9.81])
 def test_rigid_motion():
     disc = varied(MESH)
     v, shift = np.tile([1.0, 2.0, -2.0], (len(X), 1)), np.array([0.5, 0.1, -3.0])
-    energies, per_tet, J = energies_of(PlainBackend(disc, 1), MotionState(0.0, X + shift, v), GRAVITY)
+    energies, per_tet, J = energies_of(CpuBackend(disc, 1), MotionState(0.0, X + shift, v), GRAVITY)
     total = disc.mass.sum()
     assert energies.kinetic == pytest.approx(4.5 * total, rel=1e-12)
     assert energies.potential == pytest.approx(-total * shift @ GRAVITY, rel=1e-12)
@@ -43,7 +43,7 @@ def test_rigid_motion():
 @pytest.mark.parametrize("state", ["random", "inverted"])
 def test_elastic_energy_and_smallest_volume_ratio(state):
     disc, x = varied(MESH), positions(MESH, state)
-    energies, _, J = energies_of(PlainBackend(disc, 1), MotionState(0.0, x, 0.0 * x), GRAVITY)
+    energies, _, J = energies_of(CpuBackend(disc, 1), MotionState(0.0, x, 0.0 * x), GRAVITY)
     assert energies.elastic == pytest.approx(AssembledElasticity(MESH, disc.mu, disc.lam).energy(x), rel=1e-12)
     assert energies.min_J == J.min() < 0.0
     assert energies.as_row()["total_energy"] == energies.total
@@ -64,9 +64,9 @@ def guarded(stepper: VelocityVerlet, x0: np.ndarray, v0: np.ndarray, duration: f
 
 
 def test_silent_about_lively_motions():
-    free = VelocityVerlet(PlainBackend(uniform(MESH), 1), GRAVITY, substeps=20)
+    free = VelocityVerlet(CpuBackend(uniform(MESH), 1), GRAVITY, substeps=20)
     assert guarded(free, X, np.zeros_like(X), 1.0 / 60.0, 60) == []  # falls ten times its own height
-    still = VelocityVerlet(PlainBackend(uniform(MESH), 1), 0.0 * GRAVITY, substeps=40)
+    still = VelocityVerlet(CpuBackend(uniform(MESH), 1), 0.0 * GRAVITY, substeps=40)
     assert guarded(still, X * [1.3, 0.9, 0.9], np.zeros_like(X), 1.0 / 60.0, 20) == []
 
 
@@ -74,13 +74,13 @@ def test_silent_about_prescribed_stretching():
     left = left_end(MESH)
     right = np.flatnonzero(X[:, 0] >= X[:, 0].max() - 1e-9)
     motions = (Moving(left, X[left]), Moving(right, X[right], (2.0, 0.0, 0.0)))
-    backend = PlainBackend(uniform(MESH, np.concatenate([left, right])), 1)
+    backend = CpuBackend(uniform(MESH, np.concatenate([left, right])), 1)
     stepper = VelocityVerlet(backend, np.zeros(3), motions=motions, substeps=60)
     assert guarded(stepper, X, np.zeros_like(X), 1.0 / 60.0, 15) == []  # doubles its length
 
 
 def test_speaks_of_runaway():
-    backend = PlainBackend(uniform(MESH), 1)
+    backend = CpuBackend(uniform(MESH), 1)
     guard = EnergyGuard(backend, GRAVITY, ())
     start = energies_of(backend, MotionState(0.0, X, np.ones_like(X)), GRAVITY)[0]
     guard.begin(start)
@@ -95,7 +95,7 @@ def test_speaks_of_runaway():
 
 
 def test_no_passes_where_nothing_moves():
-    backend, left = PlainBackend(uniform(MESH, left_end(MESH)), 1), left_end(MESH)
+    backend, left = CpuBackend(uniform(MESH, left_end(MESH)), 1), left_end(MESH)
     guard = EnergyGuard(backend, GRAVITY, (Moving(left, X[left]),))
     guard.allow_for_motion(MotionState(0.0, X, 0.0 * X), 1.0)
     assert backend.passes.total == 0.0
@@ -103,7 +103,7 @@ def test_no_passes_where_nothing_moves():
 
 
 def test_memory():
-    backend = PlainBackend(uniform(MESH), 1)
+    backend = CpuBackend(uniform(MESH), 1)
     one, two = EnergyGuard(backend, GRAVITY, ()), EnergyGuard(backend, GRAVITY, ())
     one.begin(Energies(1.5, 0.25, -3.0, 0.7))
     one.injected = 12.5

@@ -83,11 +83,11 @@ import sys
 from femgal.runner import run
 from femgal.scene.load import parse_scene
 assert run(parse_scene(sys.stdin.read(), "small.toml")).status == "finished"
-from femgal.kernels.cpu import nodes
+from femgal.kernels.cpu import passes, slots
 from femgal.kernels.plain import elements
 from femgal.hierarchy import clusters
-for kernel in (elements.von_mises_stresses, elements.stress_increments, nodes.solve_diagonals, nodes.solve_blocks,
-               clusters._spread, elements.stresses):
+for kernel in (elements.von_mises_stresses, passes.vertex_products, passes.pair_products, slots.sum_and_solve,
+               passes.vertex_terms, passes.pair_terms, passes.pair_forces, clusters._spread, passes.vertex_forces):
     print(kernel.__name__, len(kernel.signatures))
 """
 
@@ -100,26 +100,20 @@ def compiled(text) -> dict[str, int]:
 def test_skipped_stages_compile_nothing():
     text = BEAM.format(top="", constraint="", solver="verlet", fields='"displacement"')
     counts = compiled(text)
-    assert counts["stresses"] == 1
-    assert {name for name, n in counts.items() if n == 0} == {
-        "von_mises_stresses",
-        "stress_increments",
-        "solve_diagonals",
-        "solve_blocks",
-        "_spread",
-    }
+    assert counts["vertex_forces"] == 1
+    assert {name for name, n in counts.items() if n == 1} == {"vertex_forces"}
 
 
 def test_needed_stages_are_compiled():
     text = BEAM.format(top="", constraint="", solver="fas", fields='"displacement", "von_mises"')
     counts = compiled(text.replace("ratio = 8", 'ratio = 8\nsteps = "spectral"'))
-    assert {name for name, n in counts.items() if n == 0} == {"solve_diagonals"}
+    assert {name for name, n in counts.items() if n == 0} == {"pair_forces"}
 
 
 @pytest.mark.parametrize(
     ("target", "needs"),
     [
-        ("femgal.kernels.plain.backend.PlainBackend.von_mises", {"fields": '"displacement", "von_mises"'}),
+        ("femgal.kernels.cpu.backend.CpuBackend.von_mises", {"fields": '"displacement", "von_mises"'}),
         ("femgal.scene.motion.Motion.positions", {"constraint": HELD}),
         ("femgal.simulation.build_constant_hierarchy", {"solver": "fas"}),
         ("femgal.timestep.potential.IncrementalPotential.gradient", {"solver": "fas"}),

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from femgal.hierarchy.hierarchy import build_constant_hierarchy
-from femgal.kernels.plain.backend import PlainBackend
+from femgal.kernels.cpu.backend import CpuBackend
 from femgal.solvers.fas import FAS
 from femgal.solvers.jacobi import Jacobi, ScalarJacobi
 from femgal.solvers.smoother import LU2025_STEPS, first_minimum
@@ -42,7 +42,7 @@ RULES = ("spectral", "exact", LU2025_STEPS)
 
 
 def potential(xhat: np.ndarray, h: float, x_n: np.ndarray | None = None) -> IncrementalPotential:
-    return IncrementalPotential(PlainBackend(DISC, 1), xhat, h, 1.0, x_n)
+    return IncrementalPotential(CpuBackend(DISC, 1), xhat, h, 1.0, x_n)
 
 
 def ready(name: str, phi: IncrementalPotential, rule="spectral", budget: Budget | None = None):
@@ -199,7 +199,7 @@ def test_divergence_is_an_outcome():
 
 
 def test_step_lengths_are_remembered():
-    solver = FAS(PlainBackend(DISC, 1), LAYERS)
+    solver = FAS(CpuBackend(DISC, 1), LAYERS)
     first = solver.prepare(MotionState(0.0, X, np.zeros_like(X)), 1e-3)
     spent = solver.backend.passes.total
     assert spent > 0

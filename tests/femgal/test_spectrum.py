@@ -21,7 +21,7 @@ import pytest
 import scipy.linalg
 
 from femgal.hierarchy.hierarchy import build_constant_hierarchy
-from femgal.kernels.plain.backend import PlainBackend
+from femgal.kernels.cpu.backend import CpuBackend
 from femgal.solvers.smoother import step_lengths
 from femgal.solvers.spectrum import largest_block_jacobi_eigenvalue, largest_frequency_squared, random_start
 from tests.femgal.problems import distorted_box, left_end, linear_layer, positions, potential_at, rng, uniform, varied
@@ -101,7 +101,7 @@ def dense_frequency_squared(name: str, K) -> float:
 def test_largest_frequency(name, state):
     disc = BODIES[name]
     start = random_start(disc.n_vertices)
-    estimate, mode = largest_frequency_squared(PlainBackend(disc, 1), placed(state), start)
+    estimate, mode = largest_frequency_squared(CpuBackend(disc, 1), placed(state), start)
     exact = dense_frequency_squared(name, stiffness(name, state))
     assert 0.93 * exact <= estimate <= 1.07 * exact
     assert 0.9 * np.sqrt(exact / estimate) < 0.95
@@ -110,7 +110,7 @@ def test_largest_frequency(name, state):
 
 
 def test_following_a_mode():
-    backend = PlainBackend(BODIES["held"], 1)
+    backend = CpuBackend(BODIES["held"], 1)
     _, mode = largest_frequency_squared(backend, MESH.points, random_start(len(MESH.points)))
     x = MESH.points + 0.003 * rng(90).standard_normal(MESH.points.shape)
     before = backend.passes.hessian_product

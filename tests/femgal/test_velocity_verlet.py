@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from femgal.kernels.plain.backend import PlainBackend
+from femgal.kernels.cpu.backend import CpuBackend
 from femgal.runner import run as femgal_run
 from femgal.scene.load import load_scene
 from femgal.timestep.state import MotionState
@@ -45,7 +45,7 @@ def run(stepper: VelocityVerlet, state: MotionState, h: float, steps: int) -> li
 
 
 def verlet(disc, gravity=NONE, **options) -> VelocityVerlet:
-    return VelocityVerlet(PlainBackend(disc, 1), gravity, **options)
+    return VelocityVerlet(CpuBackend(disc, 1), gravity, **options)
 
 
 def stable_step(disc, x: np.ndarray) -> tuple[float, np.ndarray]:

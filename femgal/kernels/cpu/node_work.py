@@ -39,7 +39,7 @@ class NodeWork:
     def solve(self, g: Floats, H: Floats, w: float, *, scalar: bool = False) -> Floats:
         """-w H^-1 g block by block [m]; with the diagonal of each block only when `scalar`."""
         dx = np.empty_like(g)
-        self.workers.run(nodes.solve_diagonals if scalar else nodes.solve_blocks, len(g), w, g, H, dx)
+        self.workers.run(nodes.solve, len(g), w, scalar, g, H, dx)
         return dx
 
     def prolong(self, layer: Layer, dx: Floats, x: Floats) -> None:

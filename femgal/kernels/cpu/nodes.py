@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.jit import kernel
+from femgal.materials.tensor import Vector
+from meshes.jit import kernel, scalar
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -20,26 +21,33 @@ Longs = NDArray[np.int64]
 CHUNK = 4096
 
 
-@kernel
-def solve_blocks(start: int, stop: int, w: float, g: Floats, H: Floats, dx: Floats) -> None:
-    """dx[i] = -w H[i]^-1 g[i] by Cramer's rule, which is accurate enough for blocks that the mass keeps regular."""
-    for i in range(start, stop):
-        a, b, c, d, e, f = H[i, 0], H[i, 1], H[i, 2], H[i, 3], H[i, 4], H[i, 5]
-        A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
-        D, E, G = a * f - c * c, b * c - a * e, a * d - b * b
-        s = -w / (a * A + b * B + c * C)
-        dx[i, 0] = s * (A * g[i, 0] + B * g[i, 1] + C * g[i, 2])
-        dx[i, 1] = s * (B * g[i, 0] + D * g[i, 1] + E * g[i, 2])
-        dx[i, 2] = s * (C * g[i, 0] + E * g[i, 1] + G * g[i, 2])
+@scalar
+def scaled_by_block(w: float, g: Vector, H: Vector) -> Vector:
+    """-w H^-1 g by Cramer's rule, which is accurate enough for blocks that the mass keeps regular."""
+    a, b, c, d, e, f = H
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    D, E, G = a * f - c * c, b * c - a * e, a * d - b * b
+    s = -w / (a * A + b * B + c * C)
+    return (
+        s * (A * g[0] + B * g[1] + C * g[2]),
+        s * (B * g[0] + D * g[1] + E * g[2]),
+        s * (C * g[0] + E * g[1] + G * g[2]),
+    )
+
+
+@scalar
+def scaled_by_diagonal(w: float, g: Vector, H: Vector) -> Vector:
+    """-w diag(H)^-1 g: scalar Jacobi."""
+    return (-w * g[0] / H[0], -w * g[1] / H[3], -w * g[2] / H[5])
 
 
 @kernel
-def solve_diagonals(start: int, stop: int, w: float, g: Floats, H: Floats, dx: Floats) -> None:
-    """dx[i] = -w diag(H[i])^-1 g[i]: scalar Jacobi."""
+def solve(start: int, stop: int, w: float, scalar_blocks: bool, g: Floats, H: Floats, dx: Floats) -> None:
+    """dx[i] = -w H[i]^-1 g[i], or with the diagonal of H[i] only."""
     for i in range(start, stop):
-        dx[i, 0] = -w * g[i, 0] / H[i, 0]
-        dx[i, 1] = -w * g[i, 1] / H[i, 3]
-        dx[i, 2] = -w * g[i, 2] / H[i, 5]
+        f, block = (g[i, 0], g[i, 1], g[i, 2]), (H[i, 0], H[i, 1], H[i, 2], H[i, 3], H[i, 4], H[i, 5])
+        s = scaled_by_diagonal(w, f, block) if scalar_blocks else scaled_by_block(w, f, block)
+        dx[i, 0], dx[i, 1], dx[i, 2] = s[0], s[1], s[2]
 
 
 @kernel

@@ -69,6 +69,14 @@ class PlainBackend(NodeWork):
         self.passes.gradient_and_blocks += self._pass_share(layer)
         return g, H
 
+    def correction(
+        self, layer: Layer, x: Floats, xhat: Floats, inverse_h2: float, w: float = 1.0, *, scalar: bool = False
+    ) -> tuple[Floats, float]:
+        """dx = -w H^-1 g at the nodes of a layer [m], shape [k, 3], and its slope g . dx [J]."""
+        g, H = self.gradient_and_blocks(layer, x, xhat, inverse_h2)
+        dx = self.solve(g, H, w, scalar=scalar)
+        return dx, float((g * dx).sum())
+
     def energies_along(self, layer: Layer, x: Floats, d: Floats) -> Floats:
         """Coefficients of t, t^2, ..., t^6 in E(x + t d) [J], shape [6], for a d that the layer's nodes make."""
         partial = np.empty((-(-len(layer.active) // elements.CHUNK), 6))

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Moving values between rows of nodes and rows of lanes.
+
+1. Gathered rows are the coordinates of the indexed points, bit for bit, in both precisions and at any offset.
+2. Scattered sums equal additions one lane after the other, bit for bit, where several lanes share a node too.
+3. Values beside the ones named are left alone: unused places of a node, rows of the tile before and after.
+4. Asking for data past the end of an array is harmless.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from femgal.kernels.cpu.simd import (
+    POINT,
+    TERMS,
+    VECTOR,
+    W,
+    gather_points,
+    prefetch,
+    scatter_terms,
+    scatter_vectors,
+)
+from meshes.jit import kernel
+from tests.femgal.problems import rng
+
+PRECISIONS = ("float32", "float64")
+
+
+@kernel
+def gather(tile, at, index, from_, points):
+    gather_points(tile, at, index, from_, points)
+
+
+@kernel
+def vectors(tile, at, index, from_, sums):
+    scatter_vectors(tile, at, index, from_, sums)
+
+
+@kernel
+def terms(tile, at, index, from_, sums):
+    scatter_terms(tile, at, index, from_, sums)
+
+
+@kernel
+def touch(array, at):
+    prefetch(array, at)
+
+
+def indices(n: int) -> np.ndarray:
+    return rng(200).integers(0, n, 5 + W).astype(np.uint16)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_gather(precision):
+    points, index = rng(201).standard_normal(POINT * 300).astype(precision), indices(300)
+    tile = np.full(7 + 4 * W, 8.0, precision)
+    gather(tile, 7, index, 5, points)
+    expected = points.reshape(-1, POINT)[index[5:], :3].T.ravel()
+    np.testing.assert_array_equal(tile[7 : 7 + 3 * W], expected)
+    assert (tile[:7] == 8.0).all()
+    assert (tile[7 + 3 * W :] == 8.0).all()
+
+
+@pytest.mark.parametrize("n", [300, 6, 1])
+@pytest.mark.parametrize(("scatter", "stride", "count"), [(vectors, VECTOR, 3), (terms, TERMS, 9)])
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_scatter(precision, scatter, stride, count, n):
+    tile, index = rng(202).standard_normal(3 + 10 * W).astype(precision), indices(n)
+    sums = rng(203).standard_normal(stride * n).astype(precision)
+    expected = sums.reshape(-1, stride).copy()
+    for lane in range(W):
+        expected[index[5 + lane], :count] += tile[3 + lane : 3 + lane + count * W : W]
+    scatter(tile, 3, index, 5, sums)
+    np.testing.assert_array_equal(sums.reshape(-1, stride), expected)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_prefetch_past_the_end(precision):
+    array = np.ones(3, precision)
+    for at in (0, 2, 3, 10**6, 10**12):
+        touch(array, at)
+    assert (array == 1.0).all()
