@@ -15,7 +15,7 @@ import pytest
 
 from femgal.kernels.backend import Passes
 from verify.benchmark.body import benchmark_body, kuhn_box
-from verify.benchmark.passes import BLOCKS, SUBSTEPS, VARIANTS, all_passes, make_backend
+from verify.benchmark.passes import BLOCKS, CORRECTION, SUBSTEPS, VARIANTS, all_passes, make_backend
 
 BODY = benchmark_body(kuhn_box(6), ratio=8)
 LAYERS = BODY.hierarchy.layers
@@ -31,7 +31,9 @@ def test_names():
     assert all(set(other) <= set(names[0]) for other in names)
     for each in names:
         assert len(set(each)) == len(each)
-        assert {"gradient", BLOCKS, "Hessian product", "energy", "energy along a line", *SUBSTEPS} <= set(each)
+        assert {"gradient", BLOCKS, CORRECTION, "Hessian product", "energy", "energy along a line", *SUBSTEPS} <= set(
+            each
+        )
         assert sum(name.startswith(f"{BLOCKS}, layer") for name in each) == len(LAYERS) - 1 >= 2
 
 
@@ -42,6 +44,7 @@ def test_calls_make_their_pass(variant):
     expected = {
         "gradient": Passes(gradient=1.0),
         BLOCKS: Passes(gradient_and_blocks=1.0),
+        CORRECTION: Passes(gradient_and_blocks=1.0),
         "Hessian product": Passes(hessian_product=1.0),
         "energy": Passes(energy=1.0),
         "energy along a line": Passes(energy=len(LAYERS[0].active) / BODY.disc.n_tets),

@@ -21,7 +21,7 @@ def describe_machine(caches: Path = _CACHES, huge_pages: Path = _HUGE_PAGES) -> 
     ----------
     caches, huge_pages : Where Linux describes them; what is not there is None.
     """
-    import llvmlite.binding  # type: ignore[import-untyped]
+    import llvmlite.binding
 
     return {
         **describe_environment(),

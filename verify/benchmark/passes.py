@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from femgal.kernels.backend import Backend
+from femgal.kernels.cpu.backend import CpuBackend
 from femgal.kernels.plain.backend import PlainBackend
 from femgal.solvers.fas import FAS
 from femgal.solvers.smoother import StepRule
@@ -22,6 +23,7 @@ from verify.benchmark.timing import Call
 VARIANTS = ("float32", "float64", "plain")
 
 GRADIENT, BLOCKS = "gradient", "gradient + blocks"
+CORRECTION = f"{BLOCKS} + solve"
 # Spectral steps are estimated before the first substep; from then on they cost what any given steps cost.
 SUBSTEPS: dict[str, StepRule] = {"FAS substep, spectral steps": (0.5, 0.5), "FAS substep, exact steps": "exact"}
 _INVERSE_H2 = 1.0 / H**2
@@ -48,7 +50,9 @@ class Pass:
 def make_backend(variant: str, body: BenchmarkBody, threads: int) -> Backend:
     """Backend of a variant."""
     finest = body.hierarchy.layers[0]
-    return PlainBackend(body.disc, threads, finest)
+    if variant == "plain":
+        return PlainBackend(body.disc, threads, finest)
+    return CpuBackend(body.disc, threads, finest, precision="float32" if variant == "float32" else "float64")
 
 
 def all_passes(backend: Backend, body: BenchmarkBody) -> list[Pass]:
@@ -63,6 +67,7 @@ def _element_passes(backend: Backend, body: BenchmarkBody) -> Iterator[Pass]:
     yield Pass(GRADIENT, m, vector, partial(backend.gradient, x))
     blocks = traffic.block_bytes(precision)
     yield Pass(BLOCKS, m, blocks, partial(backend.gradient_and_blocks, finest, x, xhat, _INVERSE_H2))
+    yield Pass(CORRECTION, m, blocks, partial(backend.correction, finest, x, xhat, _INVERSE_H2))
     for number, layer in enumerate(body.hierarchy.layers[1:], start=1):
         yield Pass(
             f"{BLOCKS}, layer {number}",
