@@ -119,6 +119,9 @@ class Backend(Protocol):
     def add_scaled(self, x: Floats, t: float, d: Floats) -> None:
         """x += t d in place."""
 
+    def dot(self, a: Floats, b: Floats) -> float:
+        """Sum of a * b over arrays of shape [k, 3]."""
+
     def largest(self, dx: Floats) -> float:
         """Largest |component| of an array of shape [k, 3]; NaN when one of them is not finite."""
 

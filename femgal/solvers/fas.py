@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from femgal.solvers.smoother import Relaxation, smooth
+from femgal.solvers.smoother import Relaxation
 from femgal.solvers.solver import SolverState
 from femgal.timestep.potential import IncrementalPotential
 
@@ -16,9 +16,6 @@ class FAS(Relaxation):
 
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
         """One coarse-to-fine pass, then the momentum of free parts."""
-        corrections = [
-            smooth(potential, layer, state.x, float(w))
-            for layer, w in zip(self.layers[::-1], self._w[::-1], strict=True)
-        ]
+        corrections = [self.smooth_layer(potential, state.x, number) for number in reversed(range(len(self.layers)))]
         self.restore_momentum(potential, state.x)
         return SolverState(state.x, state.iteration + 1, tuple(corrections[::-1]))

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from femgal.solvers.smoother import Relaxation, smooth
+from femgal.solvers.smoother import Relaxation
 from femgal.solvers.solver import SolverState
 from femgal.timestep.potential import IncrementalPotential
 
@@ -17,7 +17,7 @@ class Jacobi(Relaxation):
 
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
         """One sweep over the vertices, then the momentum of free parts."""
-        correction = smooth(potential, self.layers[0], state.x, float(self._w[0]), scalar=self.scalar)
+        correction = self.smooth_layer(potential, state.x, 0)
         self.restore_momentum(potential, state.x)
         return SolverState(state.x, state.iteration + 1, (correction,))
 

@@ -35,18 +35,26 @@ EXACT = math.nan
 LU2025_STEPS = (0.25, 0.5)
 
 
-def smooth(potential: IncrementalPotential, layer: Layer, x: Floats, w: float, *, scalar: bool = False) -> float:
+def smooth(
+    potential: IncrementalPotential,
+    layer: Layer,
+    x: Floats,
+    w: float,
+    *,
+    scalar: bool = False,
+    blocks: Floats | None = None,
+) -> float:
     """x += P dx with dx_i = -w H_i^-1 g_i (Lu et al. 2025, Eq. 6), in place; returns max |dx| [m].
 
-    With `scalar` only the diagonal of each block is used. With w = EXACT the step goes to the first minimum of phi
-    along the correction, so phi never grows.
+    With `scalar` only the diagonal of each block is used, with `blocks` those in place of the present ones. With
+    w = EXACT the step goes to the first minimum of phi along the correction, so phi never grows.
     """
     backend = potential.backend
-    if not math.isnan(w):
-        dx, _ = backend.correction(layer, x, potential.xhat, potential.inverse_h2, w, scalar=scalar)
+    exact = math.isnan(w)
+    dx, slope = correction(potential, layer, x, 1.0 if exact else w, scalar=scalar, blocks=blocks)
+    if not exact:
         backend.prolong(layer, dx, x)
         return backend.largest(dx)
-    dx, slope = backend.correction(layer, x, potential.xhat, potential.inverse_h2, scalar=scalar)
     d = np.zeros_like(x)
     backend.prolong(layer, dx, d)
     coefficients = potential.along(layer, x, d)
@@ -55,6 +63,24 @@ def smooth(potential: IncrementalPotential, layer: Layer, x: Floats, w: float, *
     t = first_minimum(coefficients)
     backend.add_scaled(x, t, d)
     return t * backend.largest(dx)
+
+
+def correction(
+    potential: IncrementalPotential,
+    layer: Layer,
+    x: Floats,
+    w: float,
+    *,
+    scalar: bool = False,
+    blocks: Floats | None = None,
+) -> tuple[Floats, float]:
+    """dx_i = -w H_i^-1 g_i [m] and its slope g . dx [J], with the present blocks or those given."""
+    backend = potential.backend
+    if blocks is None:
+        return backend.correction(layer, x, potential.xhat, potential.inverse_h2, w, scalar=scalar)
+    g = backend.nodal_gradient(layer, x, potential.xhat, potential.inverse_h2)
+    dx = backend.solve(g, blocks, w, scalar=scalar)
+    return dx, backend.dot(g, dx)
 
 
 def first_minimum(coefficients: Floats) -> float:
@@ -151,6 +177,10 @@ class Relaxation(ABC):
             t = first_minimum(potential.along(self.backend.vertices, potential.x_n, d))
             x = potential.x_n + t * d
         return SolverState(x)
+
+    def smooth_layer(self, potential: IncrementalPotential, x: Floats, number: int) -> float:
+        """Smooth one layer once, in place; returns the largest correction [m]."""
+        return smooth(potential, self.layers[number], x, float(self._w[number]), scalar=self.scalar)
 
     @abstractmethod
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:

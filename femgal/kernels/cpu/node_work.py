@@ -65,6 +65,12 @@ class NodeWork:
         """x += t d in place."""
         self.workers.run(nodes.add_scaled, len(x), x, t, d)
 
+    def dot(self, a: Floats, b: Floats) -> float:
+        """Sum of a * b over arrays of shape [k, 3]."""
+        partial = np.empty(-(-len(a) // nodes.CHUNK))
+        self.workers.run(nodes.dot, len(partial), a, b, partial, smallest_share=1)
+        return float(partial.sum())
+
     def largest(self, dx: Floats) -> float:
         """Largest |component| of an array of shape [k, 3]; NaN when one of them is not finite."""
         partial = np.empty(-(-len(dx) // nodes.CHUNK))

@@ -124,6 +124,16 @@ def add_scaled(start: int, stop: int, x: Floats, t: float, d: Floats) -> None:
 
 
 @kernel
+def dot(start: int, stop: int, a: Floats, b: Floats, out: Floats) -> None:
+    """out[c] = sum of a * b over chunk c."""
+    for c in range(start, stop):
+        total = 0.0
+        for i in range(c * CHUNK, min(len(a), (c + 1) * CHUNK)):
+            total += a[i, 0] * b[i, 0] + a[i, 1] * b[i, 1] + a[i, 2] * b[i, 2]
+        out[c] = total
+
+
+@kernel
 def largest(start: int, stop: int, dx: Floats, out: Floats) -> None:
     """out[c] = largest |component| in chunk c; not finite when one of them is not."""
     for c in range(start, stop):
