@@ -355,6 +355,7 @@ def _header(simulation: Simulation) -> dict[str, Any]:
         },
         "warnings": list(world.warnings),
         "fingerprint": simulation.fingerprint,
+        "mass_scaling": simulation.mass_scaling.as_dict() if simulation.mass_scaling else None,
         "hierarchy": str(simulation.hierarchy).splitlines() if simulation.hierarchy else None,
         "plan": [" | ".join(row) for row in simulation.plan.rows()],
         "threads": simulation.backend.threads,

@@ -23,7 +23,8 @@ from femgal.kernels.cpu.backend import CpuBackend
 from femgal.scene.build import World, build_world
 from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan, make_plan
-from femgal.timestep.build import build_stepper
+from femgal.timestep.build import build_stepper, prepare_mass
+from femgal.timestep.mass_scaling import MassScaling
 from femgal.timestep.potential import eps18
 from femgal.timestep.state import MotionState, TimeStepper
 from meshes.errors import InputError
@@ -83,6 +84,7 @@ class Simulation:
     plan : Stages that run, and those that are skipped.
     backend : Element passes.
     stepper : Time-stepping method.
+    mass_scaling : What was added to the mass of `disc` for longer steps; None when nothing was asked for.
     """
 
     scene: Scene
@@ -92,6 +94,7 @@ class Simulation:
     plan: Plan
     backend: Backend
     stepper: TimeStepper
+    mass_scaling: MassScaling | None = None
     guard: EnergyGuard = field(init=False)
     _start: MotionState | None = field(default=None, init=False, repr=False)
     # Substeps of the present frame that missed the tolerance asked for.
@@ -115,15 +118,17 @@ class Simulation:
         _check_start(world)
         constrained = np.concatenate([np.empty(0, np.int64), *(motion.vertices for motion in world.motions)])
         disc = discretise(world.mesh, world.E, world.nu, world.rho, constrained)
+        disc, scaling, warnings = prepare_mass(scene.solver, disc)
+        world = replace(world, warnings=(*world.warnings, *warnings))
         hierarchy = None
         if scene.solver.name == "fas":
             announce("building the hierarchy")
             hierarchy = _build_hierarchy(disc, scene.solver)
-        plan = make_plan(scene, world, disc, hierarchy)
+        plan = make_plan(scene, world, disc, hierarchy, scaling)
         finest = hierarchy.layers[0] if hierarchy else None
         backend = CpuBackend(disc, scene.solver.threads, finest, scene.solver.precision)
         stepper = build_stepper(scene, plan, backend, hierarchy, world.motions)
-        return cls(scene, world, disc, hierarchy, plan, backend, stepper)
+        return cls(scene, world, disc, hierarchy, plan, backend, stepper, scaling)
 
     @property
     def frame_duration(self) -> float:

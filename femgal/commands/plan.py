@@ -33,6 +33,7 @@ def _print_json(simulation: Any) -> None:
     plan = simulation.plan
     content = asdict(plan)
     content |= {"passes_per_substep": plan.passes_per_substep, "passes_per_frame": plan.passes_per_frame}
+    content["mass_scaling"] = simulation.mass_scaling.as_dict() if simulation.mass_scaling else None
     content["warnings"] = list(simulation.world.warnings)
     click.echo(json.dumps(content, indent=2))
 

@@ -59,6 +59,8 @@ class TerminalProgress(Progress):
                 f", sha256 {body['sha256'][:12]})" if body["sha256"] else ")"
             )
             self._console.print(f"mesh {origin}: {body['vertices']} vertices, {body['tets']} tetrahedra")
+        if simulation.mass_scaling:
+            self._console.print(f"mass scaling: {simulation.mass_scaling}")
         for warning in simulation.world.warnings:
             self._console.print(f"warning: {warning}", style="yellow")
         threads = simulation.backend.threads

@@ -141,6 +141,9 @@ class SolverSettings(Table):
         body or long the step), ``spectral`` (from power iteration at rest: half the cost of a substep, for soft bodies
         and short steps), ``lu2025`` (0.25 coarse, 0.5 fine), or [coarse, fine].
     safety : ``verlet`` steps by this fraction of its stable step.
+    mass_scaling : Largest share of its mass that a body may gain for ``verlet`` to take longer steps; the mass goes to
+        the vertices of the elements that dictate the step, is heavy as well as inert, and is reported. Off when left
+        out; 0.01 often doubles the step.
     precision : Arithmetic of the element passes, ``float64`` or ``float32``; positions, velocities and all sums stay in
         double precision. Single precision costs about half and errs by some 1e-5 of the motion.
     threads : CPU threads; all when left out.
@@ -155,6 +158,7 @@ class SolverSettings(Table):
     layers: Layers = "full"
     steps: StepLengths = "exact"
     safety: Annotated[Number, Field(gt=0, le=1)] = 0.9
+    mass_scaling: Annotated[Number, Field(gt=0, le=1)] | None = None
     precision: Literal["float32", "float64"] = "float64"
     threads: Count | None = None
 
@@ -177,6 +181,18 @@ class SolverSettings(Table):
             }
             raise PydanticCustomError("ratio", "each lattice is twice as wide as the one before", context)
         return self
+
+    @model_validator(mode="after")
+    def _mass_is_scaled_for_a_step(self) -> Self:
+        if self.mass_scaling is None or (self.name == "verlet" and self.substeps is None):
+            return self
+        context = {
+            "key": "solver.mass_scaling",
+            "found": f'name = "{self.name}"' if self.name != "verlet" else f"substeps = {self.substeps}",
+            "allowed": 'name = "verlet", substeps left out',
+            "advice": "leave mass_scaling out" if self.name != "verlet" else "leave substeps or mass_scaling out",
+        }
+        raise PydanticCustomError("mass_scaling", "the solver chooses no step that it could lengthen", context)
 
 
 def _known_fields(names: tuple[str, ...]) -> tuple[str, ...]:

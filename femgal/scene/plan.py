@@ -19,6 +19,7 @@ from femgal.output.fields import FIELDS, find_field
 from femgal.scene.build import World
 from femgal.scene.model import Scene
 from femgal.scene.problems import Problem, SceneError
+from femgal.timestep.mass_scaling import MassScaling
 from femgal.timestep.velocity_verlet import FOLLOW_ITERATIONS
 from meshes.connectivity import component_labels
 
@@ -95,7 +96,9 @@ class Plan:
         ]
 
 
-def make_plan(scene: Scene, world: World, disc: Discretisation, hierarchy: Hierarchy | None) -> Plan:
+def make_plan(
+    scene: Scene, world: World, disc: Discretisation, hierarchy: Hierarchy | None, scaling: MassScaling | None = None
+) -> Plan:
     """Decide what a scene needs.
 
     Raises
@@ -108,7 +111,7 @@ def make_plan(scene: Scene, world: World, disc: Discretisation, hierarchy: Hiera
     substeps = settings.substeps if settings.substeps or explicit else DEFAULT_SUBSTEPS
     _check_fields(scene, hierarchy, explicit)
     stages = (
-        *_start_stages(scene, disc, hierarchy),
+        *_start_stages(scene, disc, hierarchy, scaling),
         *_motion_stages(scene, world, disc),
         *_solver_stages(scene, disc, hierarchy),
         *_frame_stages(scene, disc, explicit, any(not motion.is_fixed for motion in world.motions)),
@@ -135,10 +138,13 @@ def _check_fields(scene: Scene, hierarchy: Hierarchy | None, explicit: bool) -> 
             raise SceneError([problem], source=scene.name)
 
 
-def _start_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | None) -> list[Stage]:
+def _start_stages(
+    scene: Scene, disc: Discretisation, hierarchy: Hierarchy | None, scaling: MassScaling | None
+) -> list[Stage]:
     name = scene.solver.name
     n_free = int(disc.free.sum())
     stages = [Stage("discretisation", "start", True, f"{disc.n_vertices} vertices", n_free, disc.n_tets)]
+    stages.append(Stage("mass scaling", "start", scaling is not None, str(scaling or "not asked for")))
     if hierarchy is None:
         stages.append(Stage("hierarchy", "start", False, f"{name} works on the finest mesh only"))
     else:

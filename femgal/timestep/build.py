@@ -7,9 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import Hierarchy
 from femgal.hierarchy.layer import free_parts
 from femgal.kernels.backend import Backend
+from femgal.kernels.cpu.threads import Workers
 from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan
 from femgal.solvers.fas import FAS
@@ -17,6 +19,9 @@ from femgal.solvers.jacobi import Jacobi, ScalarJacobi
 from femgal.solvers.smoother import LU2025_STEPS, Relaxation, StepRule
 from femgal.solvers.solver import Budget
 from femgal.timestep.backward_euler import BackwardEuler
+from femgal.timestep.bottleneck import find_bottleneck
+from femgal.timestep.mass_scaling import MassScaling, scale_mass
+from femgal.timestep.stable_step import element_stiffness, vertex_stiffness
 from femgal.timestep.state import Motion, TimeStepper
 from femgal.timestep.velocity_verlet import VelocityVerlet
 
@@ -38,6 +43,24 @@ def build_stepper(
     solver = _SOLVERS[settings.name](backend, layers, _steps(settings), budget, parts)
     assert plan.substeps is not None
     return BackwardEuler(backend, solver, plan.substeps, gravity, damping, motions)
+
+
+def prepare_mass(
+    settings: SolverSettings, disc: Discretisation
+) -> tuple[Discretisation, MassScaling | None, tuple[str, ...]]:
+    """The bodies with the mass that the method steps with, what was added to it, and what to warn of.
+
+    Only an explicit method that chooses its own step has anything to do here.
+    """
+    if settings.name != "verlet" or settings.substeps is not None:
+        return disc, None, ()
+    stiffness = element_stiffness(disc, Workers(settings.threads))
+    k = vertex_stiffness(disc, stiffness)
+    if settings.mass_scaling is None:
+        bottleneck = find_bottleneck(disc, stiffness, k)
+        return disc, None, (str(bottleneck),) if bottleneck else ()
+    disc, scaling = scale_mass(disc, k, settings.mass_scaling)
+    return disc, scaling, (scaling.warning,) if scaling.warning else ()
 
 
 def _steps(settings: SolverSettings) -> StepRule:
