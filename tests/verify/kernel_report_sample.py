@@ -52,7 +52,7 @@ def sample_report() -> KernelReport:
             StreamResult(1, 24_000_000, Timing((2e-3, 3e-3, 4e-3), (1.5e-3, 2e-3, 2e-3))),
             StreamResult(2, 24_000_000, Timing((1e-3, 1e-3, 2e-3), (2e-3, 2e-3, 2e-3))),
         ),
-        (FirstCall(GRADIENT, "float32", 1.25, same(15e-6, 15e-6)),),
+        (FirstCall(GRADIENT, "float32", 1.25, 0.75, same(15e-6, 15e-6)),),
         (
             PassResult(GRADIENT, "float32", 1, 1000, 60.0, same(0.5e-3, 0.5e-3)),
             PassResult(BLOCKS, "float32", 1, 1000, 80.0, blocks),

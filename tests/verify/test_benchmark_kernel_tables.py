@@ -60,7 +60,7 @@ def test_ratios():
 
 
 def test_first_calls():
-    assert FIRST.rows == ((GRADIENT, "float32", "1.250", "15", "15..15"),)
+    assert FIRST.rows == ((GRADIENT, "float32", "1.250 / 0.750", "15", "15..15"),)
 
 
 def test_preamble():

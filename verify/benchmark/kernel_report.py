@@ -29,14 +29,15 @@ class FirstCall:
     Parameters
     ----------
     name, variant : The pass.
-    seconds : Wall time of its first call in this process: its kernels are compiled, or loaded from the cache, unless a
-        pass before it had the same ones.
+    wall, cpu : Times [s] of its first call in this process: its kernels are compiled, or loaded from the cache, unless
+        a pass before it had the same ones.
     launch : Later calls: what it costs to start the pass.
     """
 
     name: str
     variant: str
-    seconds: float
+    wall: float
+    cpu: float
     launch: Timing
 
 

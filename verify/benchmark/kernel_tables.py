@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from verify.benchmark.kernel_report import KernelReport, PassResult
 from verify.benchmark.passes import BLOCKS, GRADIENT, SUBSTEPS
-from verify.benchmark.timing import Timing
 
 # The rule of STREAM: arrays at least so many times as large as the last-level cache.
 _BEYOND_CACHE = 4.0
@@ -136,15 +135,17 @@ def _ratio_rows(report: KernelReport) -> Iterator[tuple[str, ...]]:
 
 def _first_calls(report: KernelReport) -> TextTable:
     rows = tuple(
-        (call.name, call.variant, f"{call.seconds:.3f}", _number(1e6 * call.launch.median), _spread(call.launch))
+        (
+            call.name,
+            call.variant,
+            _pair((call.wall, call.cpu), 1.0, 3),
+            _number(1e6 * call.launch.median),
+            f"{_number(1e6 * call.launch.best)}..{_number(1e6 * call.launch.worst)}",
+        )
         for call in report.first_calls
     )
-    heads = ("pass over a few tets", "variant", "first call [s]", "later calls [us]", "min..max")
+    heads = ("pass over a few tets", "variant", "first call [s], wall / CPU", "later calls [us]", "min..max")
     return TextTable("kernels compiled or loaded from the cache, and what a start costs", heads, rows)
-
-
-def _spread(timing: Timing) -> str:
-    return f"{_number(1e6 * timing.best)}..{_number(1e6 * timing.worst)}"
 
 
 def _number(value: float) -> str:

@@ -129,9 +129,9 @@ def _first_calls(variant: str, repeats: int) -> list[FirstCall]:
     body = few_tets()
     backend = make_backend(variant, body, 1)
     passes = all_passes(backend, body)
-    seconds = {entry.name: timed(entry.call)[0] for entry in passes}
+    first = {entry.name: timed(entry.call) for entry in passes}
     launches = interleaved({entry.name: entry.call for entry in passes}, repeats, calls=_LAUNCHES)
-    return [FirstCall(name, variant, seconds[name], launches[name]) for name in seconds]
+    return [FirstCall(name, variant, *first[name], launches[name]) for name in first]
 
 
 def _passes(settings: KernelSettings, body: BenchmarkBody) -> dict[tuple[str, str, int], Pass]:
