@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Backend
+from femgal.solvers.line_search import LineSearch, backtrack, first_minimum
 from femgal.solvers.solver import Budget, Outcome, SolverState
 from femgal.solvers.spectrum import largest_block_jacobi_eigenvalue
 from femgal.timestep.potential import IncrementalPotential
@@ -20,15 +21,17 @@ from femgal.timestep.state import MotionState
 
 Floats = NDArray[np.float64]
 
-# How far to go: by the spectrum at rest, to the minimum along each correction, or by (coarse layers, finest layer).
-StepRule = Literal["spectral", "exact"] | tuple[float, float]
+# How far to go: by the spectrum at rest, by a search along each correction, or by (coarse layers, finest layer).
+StepRule = Literal["spectral", "exact", "backtracking"] | tuple[float, float]
+
+LINE_SEARCHES: dict[StepRule, LineSearch] = {"exact": first_minimum, "backtracking": backtrack}
 
 # The power iteration ends up to 7% below lambda, and lambda grows as the body deforms: what is left below the bound of
 # stability is for both.
 STABLE_SHARE = 0.9
 
-# A step length that stands for "to the minimum along the correction".
-EXACT = math.nan
+# A step length that stands for "as far as the line search says".
+SEARCHED = math.nan
 
 # The constants that Lu et al. 2025 use. A fixed w applies only the share w of the elastic force as h -> 0, so the
 # motion does not converge; they are here to reproduce the paper.
@@ -43,16 +46,34 @@ def smooth(
     *,
     scalar: bool = False,
     blocks: Floats | None = None,
+    search: LineSearch = first_minimum,
 ) -> float:
     """x += P dx with dx_i = -w H_i^-1 g_i (Lu et al. 2025, Eq. 6), in place; returns max |dx| [m].
 
     With `scalar` only the diagonal of each block is used, with `blocks` those in place of the present ones. With
-    w = EXACT the step goes to the first minimum of phi along the correction, so phi never grows.
+    w = SEARCHED the step goes as far along the correction as `search` says, so phi never grows.
     """
+    backend, length = potential.backend, unit_or(w)
+    if blocks is None:
+        dx, slope = backend.correction(layer, x, potential.xhat, potential.inverse_h2, length, scalar=scalar)
+    else:
+        g = backend.nodal_gradient(layer, x, potential.xhat, potential.inverse_h2)
+        dx = backend.solve(g, blocks, length, scalar=scalar)
+        slope = backend.dot(g, dx)
+    return apply_correction(potential, layer, x, w, dx, slope, search)
+
+
+def unit_or(w: float) -> float:
+    """The length of a correction before its line search: w, or 1 where that is SEARCHED."""
+    return 1.0 if math.isnan(w) else w
+
+
+def apply_correction(
+    potential: IncrementalPotential, layer: Layer, x: Floats, w: float, dx: Floats, slope: float, search: LineSearch
+) -> float:
+    """x += P dx, or as far as `search` says where w is SEARCHED, in place; slope = g . dx [J]. Returns max |dx| [m]."""
     backend = potential.backend
-    exact = math.isnan(w)
-    dx, slope = correction(potential, layer, x, 1.0 if exact else w, scalar=scalar, blocks=blocks)
-    if not exact:
+    if not math.isnan(w):
         backend.prolong(layer, dx, x)
         return backend.largest(dx)
     d = np.zeros_like(x)
@@ -60,51 +81,9 @@ def smooth(
     coefficients = potential.along(layer, x, d)
     # The same number as the one it replaces, but free of the rounding in a sum over elements.
     coefficients[0] = slope
-    t = first_minimum(coefficients)
+    t = search(coefficients)
     backend.add_scaled(x, t, d)
     return t * backend.largest(dx)
-
-
-def correction(
-    potential: IncrementalPotential,
-    layer: Layer,
-    x: Floats,
-    w: float,
-    *,
-    scalar: bool = False,
-    blocks: Floats | None = None,
-) -> tuple[Floats, float]:
-    """dx_i = -w H_i^-1 g_i [m] and its slope g . dx [J], with the present blocks or those given."""
-    backend = potential.backend
-    if blocks is None:
-        return backend.correction(layer, x, potential.xhat, potential.inverse_h2, w, scalar=scalar)
-    g = backend.nodal_gradient(layer, x, potential.xhat, potential.inverse_h2)
-    dx = backend.solve(g, blocks, w, scalar=scalar)
-    return dx, backend.dot(g, dx)
-
-
-def first_minimum(coefficients: Floats) -> float:
-    """Smallest t > 0 where c_1 t + c_2 t^2 + ... has slope zero; zero when it does not fall at t = 0.
-
-    NaN when a coefficient is not finite.
-    """
-    if not np.isfinite(coefficients).all():
-        return math.nan
-    # The direction may be zero up to rounding, as at rest: then there is nothing to gain.
-    if not coefficients[0] < 0.0:
-        return 0.0
-    # In units of the step to the minimum of the quadratic part, and of the gain there, the polynomial of a motion that
-    # is nearly linear is -2 s + s^2: no overflow, and what rounding leaves of the higher terms can be dropped.
-    unit = -0.5 * coefficients[0] / coefficients[1] if coefficients[1] > 0.0 else 1.0
-    powers = np.arange(1, len(coefficients) + 1)
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        slope = powers * coefficients * unit ** (powers - 1.0) / -coefficients[0]
-    if not np.isfinite(slope).all():
-        return math.nan
-    slope[np.abs(slope) < 1e-18 * np.abs(slope).max()] = 0.0
-    roots = np.roots(slope[::-1])
-    real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0.0)]
-    return unit * float(real.min()) if len(real) else 0.0
 
 
 def step_lengths(
@@ -118,9 +97,9 @@ def step_lengths(
     x_{n+1} = T (2 x_n - x_{n-1}), whose solutions stay bounded for -1/3 <= T <= 1, and on the stiffest modes one
     sweep has T = 1 - w lambda.
     """
-    if rule == "exact":
-        return np.full(len(layers), EXACT)
-    if rule != "spectral":
+    if rule in LINE_SEARCHES:
+        return np.full(len(layers), SEARCHED)
+    if not isinstance(rule, str):
         coarse, fine = rule
         return np.array([fine] + [coarse] * (len(layers) - 1))
     X = potential.backend.disc.mesh.points
@@ -136,7 +115,7 @@ class Relaxation(ABC):
     ----------
     backend : Element passes.
     layers : Layers, finest first.
-    steps : "spectral", "exact", or (coarse, finest) step lengths.
+    steps : "spectral", "exact", "backtracking", or (coarse, finest) step lengths.
     budget : When to stop.
     free_parts : Layer of the parts that no constraint holds, corrected last with a step of 1; None when there is none.
         Block Jacobi weights the vertices by their blocks, not by their masses, so on its own it moves the centre of
@@ -165,22 +144,28 @@ class Relaxation(ABC):
         return replace(state, memory=memory)
 
     def init(self, potential: IncrementalPotential, memory: dict[str, NDArray]) -> SolverState:
-        """Start from the prediction, or with exact steps from the minimum on the way to it.
+        """Start from the prediction, or with a line search as far on the way to it as that says.
 
         Starting no higher than phi(x_n) and never climbing bounds the energy of the next state by that of the last
         one, for any step length: phi(x_{n+1}) <= phi(x_n) is the energy inequality of backward Euler.
         """
         self._w = memory["step_lengths"]
         x = potential.xhat.copy()
-        if self.steps == "exact" and potential.x_n is not None:
+        if self.search is not None and potential.x_n is not None:
             d = x - potential.x_n
-            t = first_minimum(potential.along(self.backend.vertices, potential.x_n, d))
+            t = self.search(potential.along(self.backend.vertices, potential.x_n, d))
             x = potential.x_n + t * d
         return SolverState(x)
 
+    @property
+    def search(self) -> LineSearch | None:
+        """The search along each correction; None when step lengths are given beforehand."""
+        return LINE_SEARCHES.get(self.steps)
+
     def smooth_layer(self, potential: IncrementalPotential, x: Floats, number: int) -> float:
         """Smooth one layer once, in place; returns the largest correction [m]."""
-        return smooth(potential, self.layers[number], x, float(self._w[number]), scalar=self.scalar)
+        search = self.search or first_minimum
+        return smooth(potential, self.layers[number], x, float(self._w[number]), scalar=self.scalar, search=search)
 
     @abstractmethod
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:

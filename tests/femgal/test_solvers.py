@@ -24,7 +24,8 @@ from femgal.hierarchy.hierarchy import build_constant_hierarchy
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.solvers.fas import FAS
 from femgal.solvers.jacobi import Jacobi, ScalarJacobi
-from femgal.solvers.smoother import LU2025_STEPS, first_minimum
+from femgal.solvers.line_search import first_minimum
+from femgal.solvers.smoother import LU2025_STEPS
 from femgal.solvers.solver import Budget, Outcome, SolverState, minimise
 from femgal.timestep.potential import IncrementalPotential, eps18
 from femgal.timestep.state import MotionState

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""How far to go along a correction: the change of the potential along a line is an exact polynomial of degree six.
+
+One energy pass gives its coefficients (`IncrementalPotential.along`), and every trial step costs six multiplications
+after that. Both searches take the coefficients of t, t^2, ..., t^6 and return t >= 0; the change at t is negative or
+t is zero, so the potential never grows. NaN when a coefficient is not finite.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+LineSearch = Callable[[Floats], float]
+
+# Armijo's share of the decrease that the slope promises. It is far above what single precision leaves uncertain in the
+# coefficients (some 1e-6 of each), so a step that rounding alone makes look downhill is not taken.
+SUFFICIENT = 1e-4
+
+# The cubic and higher terms of corrections that nearly turn elements inside out need some ten halvings at most.
+MOST_HALVINGS = 60
+
+
+def backtrack(coefficients: Floats, start: float = 1.0) -> float:
+    """First of t = start, start / 2, start / 4, ... with phi(t) - phi(0) <= SUFFICIENT * t * (slope at 0).
+
+    Zero when phi does not fall at t = 0 (Armijo 1966; the full step is taken wherever it is good enough).
+    """
+    if not np.isfinite(coefficients).all():
+        return math.nan
+    if not coefficients[0] < 0.0:
+        return 0.0
+    t = start
+    for _ in range(MOST_HALVINGS):
+        if change(coefficients, t) <= SUFFICIENT * t * coefficients[0]:
+            return t
+        t *= 0.5
+    return 0.0
+
+
+def first_minimum(coefficients: Floats) -> float:
+    """Smallest t > 0 where c_1 t + c_2 t^2 + ... has slope zero; zero when it does not fall at t = 0."""
+    if not np.isfinite(coefficients).all():
+        return math.nan
+    # The direction may be zero up to rounding, as at rest: then there is nothing to gain.
+    if not coefficients[0] < 0.0:
+        return 0.0
+    # In units of the step to the minimum of the quadratic part, and of the gain there, the polynomial of a motion that
+    # is nearly linear is -2 s + s^2: no overflow, and what rounding leaves of the higher terms can be dropped.
+    unit = -0.5 * coefficients[0] / coefficients[1] if coefficients[1] > 0.0 else 1.0
+    powers = np.arange(1, len(coefficients) + 1)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        slope = powers * coefficients * unit ** (powers - 1.0) / -coefficients[0]
+    if not np.isfinite(slope).all():
+        return math.nan
+    slope[np.abs(slope) < 1e-18 * np.abs(slope).max()] = 0.0
+    roots = np.roots(slope[::-1])
+    real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0.0)]
+    return unit * float(real.min()) if len(real) else 0.0
+
+
+def change(coefficients: Floats, t: float) -> float:
+    """c_1 t + c_2 t^2 + ...: phi(x + t d) - phi(x) [J]."""
+    value = 0.0
+    for c in coefficients[::-1]:
+        value = t * (float(c) + value)
+    return value
