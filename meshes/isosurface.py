@@ -2,13 +2,14 @@
 """Triangle surface of an implicit function: marching tetrahedra on a body-centred cubic lattice.
 
 Marching tetrahedra give a closed 2-manifold whatever the function does between the lattice nodes: every lattice edge
-is cut once or not at all, and two tetrahedra agree on their common face. The cuts are then found by bisection, and
+is cut once or not at all, and two tetrahedra agree on their common face. The cuts are then found by false position, and
 smoothing along the surface rounds out the thin triangles that a lattice leaves.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,11 @@ from meshes.types import Origin, Points, TriMesh
 Vector = tuple[float, float, float]
 Values = Callable[[Points], NDArray[np.float64]]
 
-_BISECTIONS = 30
+_MOST_STEPS = 60  # of false position; a smooth function needs about six
+_APART = 1e-9  # from the ends of its edge, as a fraction of it, stays every zero
+_FOUND = 1e-10  # step along an edge, as a fraction of it, below which its zero counts as found
 _MAX_NODES = 400_000_000
+_MOST_POINTS = 1 << 16  # evaluated at once
 
 # The four vertices of a tetrahedron by the bit mask of those inside, reordered by an even permutation: the single
 # vertex, or the pair of inside ones, comes first.
@@ -76,35 +80,64 @@ def isosurface(
     MeshError
         No surface in the box, the surface leaves the box, or the lattice has more than 4e8 nodes.
     """
-    low, shape, at_nodes = _sampled(values, lower, upper, spacing)
-    ends = np.empty((_march(at_nodes, *shape, np.empty((0, 3, 2), np.int64)), 3, 2), np.int64)
-    if len(ends) == 0:
-        raise MeshError("the function has no zero in the box", where="isosurface", found=f"spacing {spacing} m")
-    _march(at_nodes, *shape, ends)
-    keys, inverse = np.unique(ends[..., 0] * len(at_nodes) + ends[..., 1], return_inverse=True)
-    first, second = (_positions(k, low, spacing, shape) for k in np.divmod(keys, len(at_nodes)))
-    points = _bisected(values, first, second)
-    triangles = inverse.reshape(-1, 3).astype(np.int32)
-    for _ in range(smoothing):
-        points = _on_surface(values, _smoothed(points, triangles), spacing)
-    return TriMesh(points, triangles, origin or Origin("isosurface"))
+    return sampled(values, lower, upper, spacing).surface(smoothing=smoothing, origin=origin)
 
 
-def count_triangles(values: Values, lower: Vector, upper: Vector, spacing: float) -> int:
-    """Triangles that `isosurface` would make, without making them; same arguments and errors."""
-    _, shape, at_nodes = _sampled(values, lower, upper, spacing)
-    return _march(at_nodes, *shape, np.empty((0, 3, 2), np.int64))
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """A function at the nodes of a lattice: it tells the number of triangles before they are made.
+
+    Parameters
+    ----------
+    values : The function, see `isosurface`.
+    low : Lowest corner of the lattice [m], shape [3].
+    spacing : Edge of its cubic cells [m].
+    shape : Cells along each axis.
+    at_nodes : The function at the corners of the cells, then at their centres.
+    triangles : Number of triangles that the surface has.
+    """
+
+    values: Values
+    low: Points
+    spacing: float
+    shape: tuple[int, int, int]
+    at_nodes: NDArray[np.float64]
+    triangles: int
+
+    def surface(self, *, smoothing: int = 6, origin: Origin | None = None) -> TriMesh:
+        """Surface where the function is zero; arguments, result and errors as of `isosurface`."""
+        if self.triangles == 0:
+            raise MeshError(
+                "the function has no zero in the box", where="isosurface", found=f"spacing {self.spacing} m"
+            )
+        ends = np.empty((self.triangles, 3, 2), np.int64)
+        _march(self.at_nodes, *self.shape, ends)
+        keys, inverse = np.unique(ends[..., 0] * len(self.at_nodes) + ends[..., 1], return_inverse=True)
+        first, second = np.divmod(keys, len(self.at_nodes))
+        points = self._zeros(first, second)
+        triangles = inverse.reshape(-1, 3).astype(np.int32)
+        for _ in range(smoothing):
+            points = _on_surface(self.values, _smoothed(points, triangles), self.spacing)
+        return TriMesh(points, triangles, origin or Origin("isosurface"))
+
+    def _zeros(self, first: NDArray[np.int64], second: NDArray[np.int64]) -> Points:
+        """Zero of the function on the edge between two nodes of opposite sign, for every pair."""
+        start, end = (_positions(nodes, self.low, self.spacing, self.shape) for nodes in (first, second))
+        way = end - start
+        t = _false_position(
+            lambda t: self.values(start + t[:, None] * way), self.at_nodes[first], self.at_nodes[second]
+        )
+        # Zeros at a node would make triangles without area.
+        return start + np.clip(t, _APART, 1.0 - _APART)[:, None] * way
 
 
-def _sampled(
-    values: Values, lower: Vector, upper: Vector, spacing: float
-) -> tuple[Points, tuple[int, int, int], NDArray[np.float64]]:
-    """Lowest corner of the lattice, its cells along each axis, and the function at its nodes."""
+def sampled(values: Values, lower: Vector, upper: Vector, spacing: float) -> Sampled:
+    """Evaluate a function at the nodes of the lattice that `isosurface` works on; same arguments and errors."""
     shape = _lattice_shape(np.asarray(lower), np.asarray(upper), spacing)
     low = 0.5 * (np.asarray(lower) + np.asarray(upper)) - 0.5 * spacing * np.array(shape)
     at_nodes = _node_values(values, low, spacing, shape)
     _refuse_cut_boundary(at_nodes, shape)
-    return low, shape, at_nodes
+    return Sampled(values, low, spacing, shape, at_nodes, _march(at_nodes, *shape, np.empty((0, 3, 2), np.int64)))
 
 
 def _lattice_shape(lower: Points, upper: Points, spacing: float) -> tuple[int, int, int]:
@@ -126,12 +159,15 @@ def _positions(nodes: NDArray[np.int64], low: Points, spacing: float, shape: tup
 
 
 def _node_values(values: Values, low: Points, spacing: float, shape: tuple[int, int, int]) -> NDArray[np.float64]:
-    number = int(np.prod([n + 1 for n in shape]) + np.prod(shape))
-    at_nodes = np.empty(number)
-    for start in range(0, number, 1 << 20):
-        nodes = np.arange(start, min(start + (1 << 20), number))
-        at_nodes[nodes] = values(_positions(nodes, low, spacing, shape))
-    return at_nodes
+    """The function at all nodes, a few planes of the lattice at a time."""
+    found = []
+    for number, offset in ((tuple(n + 1 for n in shape), 0.0), (shape, 0.5)):
+        x, y, z = (low[axis] + spacing * (np.arange(number[axis]) + offset) for axis in range(3))
+        planes = max(1, _MOST_POINTS // (len(y) * len(z)))
+        for i in range(0, len(x), planes):
+            grid = np.meshgrid(x[i : i + planes], y, z, indexing="ij")
+            found.append(values(np.stack([axis.ravel() for axis in grid], axis=1)))
+    return np.concatenate(found)
 
 
 def _refuse_cut_boundary(at_nodes: NDArray[np.float64], shape: tuple[int, int, int]) -> None:
@@ -164,6 +200,11 @@ def _march(at_nodes: NDArray[np.float64], nx: int, ny: int, nz: int, ends: NDArr
                     u, v = corner_steps[(axis + 1) % 3], corner_steps[(axis + 2) % 3]
                     base = i * corner_steps[0] + j * corner_steps[1] + k + corner_steps[axis]
                     ring = (base, base + u, base + u + v, base + v)
+                    inside = int(at_nodes[centre] < 0.0) + int(at_nodes[centre + centre_steps[axis]] < 0.0)
+                    for side in range(4):
+                        inside += at_nodes[ring[side]] < 0.0
+                    if inside == 0 or inside == 6:
+                        continue
                     for side in range(4):
                         tet[0], tet[1] = centre, centre + centre_steps[axis]
                         tet[2], tet[3] = ring[side], ring[(side + 1) % 4]
@@ -202,40 +243,40 @@ def _write_triangle(out: NDArray[np.int64], a: int, b: int, c: int, d: int, e: i
     out[2, 0], out[2, 1] = min(e, f), max(e, f)
 
 
-def _bisected(values: Values, first: Points, second: Points) -> Points:
-    """Zero of the function between two ends of opposite sign, for every pair."""
-    starts_inside = values(first) < 0.0
-    inner = np.where(starts_inside[:, None], first, second)
-    outer = np.where(starts_inside[:, None], second, first)
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (inner + outer)
-        inside = (values(middle) < 0.0)[:, None]
-        inner, outer = np.where(inside, middle, inner), np.where(inside, outer, middle)
-    return 0.5 * (inner + outer)
+def _false_position(function: Callable[[NDArray], NDArray], at_zero: NDArray, at_one: NDArray) -> NDArray:
+    """Zero between 0 and 1 of many functions at once, from their values of opposite sign there.
+
+    False position whose kept end has its value halved (Illinois), or one end would never move.
+    """
+    kept, at_kept, t, now = np.zeros(len(at_zero)), at_zero, np.ones(len(at_one)), at_one
+    for _ in range(_MOST_STEPS):
+        step = now * (kept - t) / (now - at_kept)
+        before, t, now = now, t + step, function(t + step)
+        crossed = (now < 0.0) != (before < 0.0)
+        kept, at_kept = np.where(crossed, t - step, kept), np.where(crossed, before, 0.5 * at_kept)
+        if np.abs(step).max() < _FOUND:
+            break
+    return t
 
 
 def _smoothed(points: Points, triangles: NDArray[np.int32]) -> Points:
     """Move every vertex half way to the mean of its neighbours."""
-    total = np.zeros_like(points)
-    neighbours = np.bincount(triangles.ravel(), minlength=len(points))
+    corners = triangles.ravel()
+    met = np.bincount(corners)
+    mean = np.empty_like(points)
     for axis in range(3):
-        corner = points[triangles, axis]
-        # Each neighbour is met in two triangles, once as the next corner and once as the one before.
-        both = np.roll(corner, -1, axis=1) + np.roll(corner, 1, axis=1)
-        total[:, axis] = np.bincount(triangles.ravel(), both.ravel(), len(points))
-    return 0.5 * points + 0.5 * total / (2.0 * neighbours[:, None])
+        corner = points[:, axis][triangles]
+        whole = corner[:, 0] + corner[:, 1] + corner[:, 2]
+        # A vertex has as many triangles as neighbours, and meets each neighbour in two of them.
+        mean[:, axis] = (np.bincount(corners, np.repeat(whole, 3)) / met - points[:, axis]) / 2.0
+    return 0.5 * points + 0.5 * mean
 
 
 def _on_surface(values: Values, points: Points, spacing: float) -> Points:
-    """Two Newton steps along the gradient, each at most a quarter of the spacing."""
-    step = 1e-3 * spacing
-    for _ in range(2):
-        now = values(points)
-        gradient = np.empty_like(points)
-        for axis in range(3):
-            offset = step * np.eye(3)[axis]
-            gradient[:, axis] = (values(points + offset) - values(points - offset)) / (2.0 * step)
-        length = np.maximum(np.linalg.norm(gradient, axis=1), 1e-12)
-        distance = np.clip(now / length, -0.25 * spacing, 0.25 * spacing)
-        points = points - (distance / length)[:, None] * gradient
-    return points
+    """Two steps of Newton with one gradient, each at most a quarter of the spacing."""
+    now, step = values(points), 1e-3 * spacing
+    gradient = np.stack([values(points + step * axis) - now for axis in np.eye(3)], axis=1) / step
+    length = np.maximum(np.linalg.norm(gradient, axis=1), 1e-12)
+    direction = gradient / length[:, None]
+    points = points - np.clip(now / length, -0.25 * spacing, 0.25 * spacing)[:, None] * direction
+    return points - np.clip(values(points) / length, -0.25 * spacing, 0.25 * spacing)[:, None] * direction

@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import os
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from meshes import generators
 from meshes.catalogue import Entry, resolve
@@ -15,6 +15,9 @@ from meshes.io.source import readable
 from meshes.io.surfaces import SURFACE_SUFFIXES, read_surface, surface_of
 from meshes.io.tets import read_raw, tets_of
 from meshes.types import Origin, TetMesh, TriMesh
+
+if TYPE_CHECKING:
+    from meshes.distance import SurfaceDistance
 
 AnyMesh = TypeVar("AnyMesh", TetMesh, TriMesh)
 
@@ -38,6 +41,15 @@ class Made:
     surface: TriMesh | None = None
     report: dict[str, Any] | None = None
     messages: list[str] = field(default_factory=list)
+
+    def distance(self) -> SurfaceDistance | None:
+        """How far the mesh's boundary is from the surface (forward) and back; takes as long as the mesh itself."""
+        if self.surface is None:
+            return None
+        from meshes.distance import surface_distance
+        from meshes.stuffing.report import skin_of
+
+        return surface_distance(skin_of(self.mesh), self.surface)
 
 
 def make_tets(name_or_path: str | os.PathLike[str], vertices: int | None = None) -> Made:

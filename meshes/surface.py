@@ -64,7 +64,7 @@ def manifold_report(triangles: Indices) -> ManifoldReport:
     """
     triangles = np.ascontiguousarray(triangles, np.int32)
     _, faces, balance = edge_table(triangles)
-    used = np.unique(triangles)
+    used = np.flatnonzero(np.bincount(triangles.ravel()))
     return ManifoldReport(
         triangles=len(triangles),
         edges=len(faces),
@@ -125,7 +125,9 @@ def outward(surface: TriMesh) -> TriMesh:
 def triangle_components(triangles: Indices) -> Indices:
     """Component number of each triangle, counted from 0 by the lowest vertex, shape [n_triangles], int32."""
     labels = component_labels(np.ascontiguousarray(triangles, np.int32))[triangles[:, 0]]
-    return np.unique(labels, return_inverse=True)[1].astype(np.int32)
+    lowest = np.zeros(vertex_bound(triangles), np.int32)
+    lowest[labels] = 1
+    return (np.cumsum(lowest, dtype=np.int32) - np.int32(1))[labels]
 
 
 def _turn_inverted_solids(points: Points, cells: Indices, pieces: Indices) -> Indices:

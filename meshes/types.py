@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -87,11 +88,11 @@ class TriMesh(_Mesh):
     _width = 3
     _cell = "triangle"
 
-    @property
+    @cached_property
     def enclosed_volume(self) -> float:
         """Signed volume [m^3] enclosed by a closed, outward-oriented surface (divergence theorem)."""
         a, b, c = (self.points[self.cells[:, k]] for k in range(3))
-        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+        return float(_triple_product(a.T, b.T, c.T).sum() / 6.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,8 +176,8 @@ def checked_points(points: ArrayLike, where: str) -> Points:
         allowed = "1 point or more, of 3 coordinates"
         raise MeshError("the vertices are not points in space", where=where, found=found, allowed=allowed)
     array = np.ascontiguousarray(array, np.float64)
-    bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
-    if len(bad):
+    if not np.isfinite(array).all():
+        bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
         raise MeshError(
             f"{len(bad)} vertex positions are not finite",
             where=where,

@@ -49,9 +49,10 @@ def make(name: str, vertices: int | None, out: Path | None, force: bool, as_json
     measured = quality(made.mesh)
     # A file's warnings are among the messages already.
     messages += [text for text in measured.warnings if text not in messages]
-    content = _origin(made) | {"quality": measured.as_dict(), "tetrahedralisation": made.report, "messages": messages}
+    report = _report(made)
+    content = _origin(made) | {"quality": measured.as_dict(), "tetrahedralisation": report, "messages": messages}
     content["out"] = None if out is None else str(out)
-    rows = [*_origin_rows(made), *measured.rows(), *_report_rows(made.report)]
+    rows = [*_origin_rows(made), *measured.rows(), *_report_rows(report)]
     _show(content, rows, messages, as_json)
     if out is not None and not as_json:
         click.echo(f"wrote {out}")
@@ -134,6 +135,11 @@ def _origin_rows(made: Made) -> Rows:
     rows += [("terms", origin.terms)] if origin.terms else []
     regions = np.unique(made.mesh.regions)
     return rows + ([("regions", ", ".join(map(str, regions[:12])))] if len(regions) > 1 else [])
+
+
+def _report(made: Made) -> dict[str, Any] | None:
+    distance = made.distance()
+    return None if made.report is None or distance is None else made.report | {"distance": distance.as_dict()}
 
 
 def _report_rows(report: dict[str, Any] | None) -> Rows:

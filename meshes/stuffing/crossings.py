@@ -110,8 +110,8 @@ class Crossings:
 def cross(bundle: Bundle, half_steps: Points, triangles: Cells) -> Crossings:
     """Intersect all lines of a bundle with a closed surface whose vertices are given in half steps."""
     points = bundle.project(half_steps)
-    low = np.ceil(points[:, :2].min(axis=0)).astype(np.int64)
-    high = np.floor(points[:, :2].max(axis=0)).astype(np.int64)
+    low, high = (np.array([bound(points[:, axis]) for axis in (0, 1)]) for bound in (np.min, np.max))
+    low, high = np.ceil(low).astype(np.int64), np.floor(high).astype(np.int64)
     lines = np.maximum(high - low + 1, 0)
     start = np.zeros(int(lines.prod()) + 1, np.int64)
     nothing = (np.empty(0), np.empty(0, np.int32), np.empty(0, np.int8))

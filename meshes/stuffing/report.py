@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from meshes.connectivity import component_labels
-from meshes.distance import SurfaceDistance, surface_distance
 from meshes.quality import Dihedrals, dihedrals
 from meshes.stuffing.repair import Repairs
 from meshes.stuffing.signs import Sample
 from meshes.stuffing.spacing import LAYER_DENSITY, surface_area, vertices_at
 from meshes.stuffing.thickness import ACCEPTED_LOSS, LOST_BELOW, share_below, sufficient_spacing
 from meshes.surface import boundary
-from meshes.types import Cells, Points, TetMesh, TriMesh
+from meshes.types import TetMesh, TriMesh
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,6 @@ class StuffingReport:
     volume_ratio : That over the volume inside the surface, overlaps of the surface with itself counted once.
     lost_share : Share of the volume inside the surface that no tetrahedron covers, in total.
     thin_share : Share of the volume inside the surface where it is thinner than 0.75 spacings: lost, as a rule.
-    distance : From the mesh's boundary to the surface (forward) and back [m].
     dihedral : Distribution of dihedral angles [degrees].
     repairs : Contacts separated, tetrahedra and fragments removed.
     unresolved_cuts, unbalanced_lines : Lattice edges and lines on which rounding spoiled the crossings; normally 0.
@@ -47,7 +45,6 @@ class StuffingReport:
     volume_ratio: float
     lost_share: float
     thin_share: float
-    distance: SurfaceDistance
     dihedral: Dihedrals
     repairs: Repairs
     unresolved_cuts: int
@@ -56,13 +53,12 @@ class StuffingReport:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        return {**asdict(self), "distance": self.distance.as_dict()}
+        return asdict(self)
 
 
 def report(asked: int, mesh: TetMesh, surface: TriMesh, sample: Sample, repairs: Repairs) -> StuffingReport:
     """Measure a mesh against the surface that it fills."""
-    skin = _skin(mesh.points, mesh.cells)
-    volume = skin.enclosed_volume
+    volume = skin_of(mesh).enclosed_volume
     enclosed = surface.enclosed_volume - sample.doubled
     lost = max(0.0, 1.0 - volume / enclosed)
     return StuffingReport(
@@ -75,7 +71,6 @@ def report(asked: int, mesh: TetMesh, surface: TriMesh, sample: Sample, repairs:
         volume_ratio=volume / enclosed,
         lost_share=lost,
         thin_share=share_below(sample.thin, sample.inside, LOST_BELOW),
-        distance=surface_distance(skin, surface),
         dihedral=dihedrals(mesh.points, mesh.cells),
         repairs=repairs,
         unresolved_cuts=sample.unresolved,
@@ -84,10 +79,13 @@ def report(asked: int, mesh: TetMesh, surface: TriMesh, sample: Sample, repairs:
     )
 
 
-def _skin(points: Points, cells: Cells) -> TriMesh:
-    triangles = boundary(cells)
-    used, renumbered = np.unique(triangles, return_inverse=True)
-    return TriMesh(points[used], renumbered.reshape(-1, 3).astype(np.int32))
+def skin_of(mesh: TetMesh) -> TriMesh:
+    """Boundary of a mesh as a surface with its own vertices."""
+    triangles = boundary(mesh.cells)
+    used = np.zeros(len(mesh.points), bool)
+    used[triangles] = True
+    number = (np.cumsum(used) - 1).astype(np.int32)
+    return TriMesh(mesh.points[used], number[triangles])
 
 
 def _warning(lost: float, enclosed: float, surface: TriMesh, sample: Sample) -> str:

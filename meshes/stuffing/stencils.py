@@ -30,6 +30,13 @@ ALPHA = np.array([ALPHA_SHORT] * 4 + [ALPHA_LONG] * 3)
 # A part of a stencil is a lattice vertex 0 to 3, or 4 + number of the edge whose cut it is.
 FIRST_CUT = 4
 N_CODES = 3**4
+# In Python's integers, in which thousands of small sums are far quicker. Twice the place of each part is that of the
+# vertex or of the middle of the edge: orientation does not depend on where on its edge a cut lies.
+_CELL = CELL.tolist()
+_TWICE = [
+    [[2 * x for x in v] for v in cell] + [[x + y for x, y in zip(cell[p], cell[q], strict=True)] for p, q in EDGES]
+    for cell in _CELL
+]
 
 
 def code_of(signs: tuple[int, ...]) -> int:
@@ -65,9 +72,9 @@ def carrier(tetrahedron: int, p: int, q: int, g: int) -> int:
     """Which of the inside vertices p and q the diagonal of the face (p, q, g) starts from."""
     if not _is_long(p, q):
         return q if _is_long(p, g) else p
-    vertices = CELL[tetrahedron]
-    axis = int(np.flatnonzero(vertices[p] != vertices[q])[0])
-    offset = vertices[g] - (vertices[p] + vertices[q]) // 2
+    low, high, third = (_CELL[tetrahedron][v] for v in (p, q, g))
+    axis = next(c for c in range(3) if low[c] != high[c])
+    offset = [third[c] - (low[c] + high[c]) // 2 for c in range(3)]
     even = offset[(axis + 1) % 3] * offset[(axis + 2) % 3] > 0
     return min(p, q) if even else max(p, q)
 
@@ -108,19 +115,11 @@ def _prism(lower: tuple[int, int, int], upper: tuple[int, int, int]) -> list[tup
 
 
 def _oriented(tetrahedron: int, parts: tuple[int, ...]) -> tuple[int, ...]:
-    a, b, c, d = (_midway(tetrahedron, part) for part in parts)
-    if np.linalg.det([b - a, c - a, d - a]) > 0.0:
-        return parts
-    return parts[0], parts[1], parts[3], parts[2]
-
-
-def _midway(tetrahedron: int, part: int) -> NDArray[np.float64]:
-    """Reference place of a part: orientation does not depend on where on its edge a cut lies."""
-    vertices = CELL[tetrahedron].astype(float)
-    if part < FIRST_CUT:
-        return vertices[part]
-    p, q = EDGES[part - FIRST_CUT]
-    return (vertices[p] + vertices[q]) / 2.0
+    (ax, ay, az), b, c, d = (_TWICE[tetrahedron][part] for part in parts)
+    bx, by, bz = b[0] - ax, b[1] - ay, b[2] - az
+    cx, cy, cz = c[0] - ax, c[1] - ay, c[2] - az
+    volume = (by * cz - bz * cy) * (d[0] - ax) + (bz * cx - bx * cz) * (d[1] - ay) + (bx * cy - by * cx) * (d[2] - az)
+    return parts if volume > 0 else (parts[0], parts[1], parts[3], parts[2])
 
 
 def tables() -> tuple[NDArray[np.int8], NDArray[np.int8], NDArray[np.int8]]:
