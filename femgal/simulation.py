@@ -218,8 +218,10 @@ class Simulation:
             self._unconverged = 0
             after, done = self._substeps(state, substeps, on_substep)
             after, wanted = self.stepper.end_frame(after, self.frame_duration, substeps)
+            measured = None
             if wanted is None and self.plan.runs("energy check"):
-                wanted = self._gain(after, substeps)
+                measured = energies_of(self.backend, after, self.gravity)
+                wanted = self._gain(measured[0], substeps)
             if wanted is None:
                 break
             if retakes < MOST_RETAKES:
@@ -232,7 +234,7 @@ class Simulation:
         state = after
         # Adding h many times drifts; the frame's own time does not.
         state = replace(state, time=index * self.frame_duration)
-        frame, energies = self._measure(index, state)
+        frame, energies = self._measure(index, state, measured)
         by_kind = self.backend.passes.as_dict()
         frame.row.update(
             seconds=time.perf_counter() - began,
@@ -244,9 +246,8 @@ class Simulation:
         )
         return frame, energies
 
-    def _gain(self, state: MotionState, substeps: int) -> int | None:
+    def _gain(self, energies: Energies, substeps: int) -> int | None:
         """More substeps, when a method that should keep the energy has let it grow over the frame."""
-        energies, _, _ = energies_of(self.backend, state, self.gravity)
         before = self.guard.last or self.guard.start
         assert before is not None
         gain = energies.total - before.total
@@ -265,8 +266,10 @@ class Simulation:
                 raise Stopped
         return state, substeps
 
-    def _measure(self, index: int, state: MotionState) -> tuple[Frame, Energies]:
-        energies, energy, J = energies_of(self.backend, state, self.gravity)
+    def _measure(
+        self, index: int, state: MotionState, measured: tuple[Energies, Floats, Floats] | None = None
+    ) -> tuple[Frame, Energies]:
+        energies, energy, J = measured or energies_of(self.backend, state, self.gravity)
         residual = self.stepper.residual(state) if index > 0 and self.plan.runs("residual") else None
         row = {
             "frame": index,

@@ -190,12 +190,19 @@ def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | No
     passes = 1.0 + iterations * sum(active) / disc.n_tets if exact else 0.0
     note = "energy along each correction" if exact else "step lengths are fixed"
     stages.append(Stage("exact steps", "substep", exact, note, 0, sum(active) if exact else 0, passes))
+    stages.append(_kept_blocks(scene))
     held = not _has_free_parts(disc)
     note = "every part is held by a constraint" if held else "centre of mass of parts that no constraint holds"
     stages.append(Stage("momentum of free parts", "substep", not held, note))
     test = scene.solver.tolerance is not None
     note = f"eps18 <= {scene.solver.tolerance:g} m, at most" if test else "no tolerance"
     return [*stages, Stage("stopping test", "substep", test, note, passes=float(iterations + 1) if test else 0.0)]
+
+
+def _kept_blocks(scene: Scene) -> Stage:
+    keeps = scene.solver.blocks == "auto"
+    note = "gradients alone while old blocks change next to nothing: fewer values, same passes" if keeps else "fresh"
+    return Stage("kept blocks", "substep", keeps, note)
 
 
 def _has_free_parts(disc: Discretisation) -> bool:
@@ -251,7 +258,6 @@ def _frame_stages(scene: Scene, disc: Discretisation, explicit: bool, moving: bo
             "frame",
             check,
             "a frame whose energy grows is taken again" if check else "implicit, driven, or substeps given",
-            passes=1.0 if check else 0.0,
         ),
         Stage("energies", "frame", True, "energies and smallest J", 0, disc.n_tets, 1.0),
         Stage("residual", "frame", not explicit, residual_note, 0, disc.n_tets, 0.0 if explicit else 1.0),

@@ -19,10 +19,12 @@ from femgal.timestep.state import Motion, MotionState, place
 Floats = NDArray[np.float64]
 
 # Products with the Hessian in each frame to follow the stable step as the body deforms. All are made: an old mode has a
-# small residual from the first one on, whatever has become faster meanwhile.
-FOLLOW_ITERATIONS = 6
+# small residual from the first one on, whatever has become faster meanwhile. Measured against converged frequencies,
+# four are within 5 % where a body hangs and sways and as good as six where it is torn to twenty times its length.
+FOLLOW_ITERATIONS = 4
 
-# Share of the extra substeps, learnt from a frame taken again, that is left one frame later.
+# Share of the extra substeps, learnt from a frame taken again, that is left one frame later. With 0.95 a fifth fewer
+# passes were made on bodies that snap back, and the energy drifted ten times as far.
 CAUTION_KEPT = 0.99
 
 
@@ -101,11 +103,11 @@ class VelocityVerlet:
         needed = duration * math.sqrt(omega2) / 2.0 if math.isfinite(omega2) else math.inf
         if substeps < needed:
             return state, math.ceil(min(needed / self.safety, 4 * substeps))
-        # A frame that had to be taken again says that the motion stiffens between two looks: the next ones take the
-        # same care, which fades.
+        # A frame that had to be taken again says that the body was stiffer between the two looks than at either: the
+        # next frames take the same care, which fades.
         caution = max(1.0, CAUTION_KEPT * float(state.memory["caution"][0]))
         if substeps > self._planned(state, duration, float(state.memory["caution"][0])):
-            caution = substeps / self._planned(state, duration, 1.0)
+            caution = max(1.0, substeps / max(self._planned(state, duration, 1.0), needed / self.safety))
         memory = {"mode": mode, "omega2": np.array([omega2]), "caution": np.array([caution])}
         return replace(state, memory=state.memory | memory), None
 
