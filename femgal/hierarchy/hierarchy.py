@@ -14,7 +14,6 @@ from femgal.hierarchy import LINEAR_RATIO
 from femgal.hierarchy.clusters import cluster_vertices
 from femgal.hierarchy.lattice import lattice_nodes
 from femgal.hierarchy.layer import Layer, build_layer, finest_layer
-from femgal.hierarchy.supports import support_parts
 from meshes.connectivity import cell_edges, component_labels
 
 Transfer = Literal["constant", "linear"]
@@ -41,7 +40,7 @@ class Hierarchy:
     layers : layers[0] has the free vertices as nodes; each other one is built independently from the finest mesh.
     ratio : Vertices per node from one layer to the next.
     n_tets : Tetrahedra of the finest mesh.
-    connected : For each layer, whether the vertices of every node form one connected set.
+    connected : For each layer, whether the vertices of every node form one connected set; lattices are made so.
     transfer : How a coarse layer moves a vertex: "constant" with one node, "linear" with those of a coarse tetrahedron.
     """
 
@@ -127,21 +126,19 @@ def build_linear_hierarchy(disc: Discretisation, layers: int | Literal["full"] =
     X, free = disc.mesh.points, disc.free
     edges = cell_edges(disc.mesh.cells, disc.n_vertices)
     mean, longest = _edge_lengths(disc, edges)
-    built, connected = [finest_layer(disc)], [True]
+    built = [finest_layer(disc)]
+    wanted = len(coarse_sizes(built[0].n_nodes, LINEAR_RATIO, layers))
     spacing = FIRST_SPACING * mean
-    while layers == "full" or len(built) <= layers:
+    while len(built) <= wanted:
         nodes = lattice_nodes(X, free, edges, spacing)
         n_nodes = len(nodes.position)
-        if n_nodes < FEWEST_NODES:
-            break
         if n_nodes <= LARGEST_SHARE * built[-1].n_nodes:
             built.append(build_layer(disc, nodes.parent, nodes.weight, n_nodes, f"lattice of {spacing:.3g} m"))
-            connected.append(len(support_parts(edges, nodes.parent)[1]) == n_nodes)
         elif spacing > FIRST_SPACING * longest:
             break
         # Where the mesh is coarser than elsewhere, the lattice may still be too fine to join its vertices.
         spacing *= 2.0
-    return Hierarchy(tuple(built), LINEAR_RATIO, disc.n_tets, tuple(connected), "linear")
+    return Hierarchy(tuple(built), LINEAR_RATIO, disc.n_tets, (True,) * len(built), "linear")
 
 
 def _edge_lengths(disc: Discretisation, edges: NDArray[np.int32]) -> tuple[float, float]:
