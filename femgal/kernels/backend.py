@@ -110,6 +110,15 @@ class Backend(Protocol):
     def solve(self, g: Floats, H: Floats, w: float, *, scalar: bool = False) -> Floats:
         """-w H^-1 g block by block [m], shape [k, 3]; with the diagonal of each block only when `scalar`."""
 
+    def compare_blocks(self, g: Floats, old: Floats, H: Floats, *, scalar: bool = False) -> tuple[float, float]:
+        """How much old blocks differ from new ones H.
+
+        Returns
+        -------
+        (dx' - dx) . H (dx' - dx) [J] of the corrections dx' with the old and dx with the new blocks, and the largest
+        |H' - H| over all nodes, in units of the mean diagonal entry of H.
+        """
+
     def prolong(self, layer: Layer, dx: Floats, x: Floats) -> None:
         """x += P dx in place."""
 

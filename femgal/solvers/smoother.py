@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Backend
+from femgal.solvers.blocks import KeptBlocks, forget
 from femgal.solvers.line_search import LineSearch, backtrack, first_minimum
 from femgal.solvers.solver import Budget, Outcome, SolverState
 from femgal.solvers.spectrum import largest_block_jacobi_eigenvalue
@@ -120,6 +121,7 @@ class Relaxation(ABC):
     free_parts : Layer of the parts that no constraint holds, corrected last with a step of 1; None when there is none.
         Block Jacobi weights the vertices by their blocks, not by their masses, so on its own it moves the centre of
         mass of a free body.
+    keep_blocks : Use blocks for several substeps where that changes next to nothing (`femgal.solvers.blocks`).
     """
 
     backend: Backend
@@ -127,7 +129,10 @@ class Relaxation(ABC):
     steps: StepRule = "spectral"
     budget: Budget = field(default_factory=Budget)
     free_parts: Layer | None = None
+    keep_blocks: bool = False
     _w: Floats = field(default_factory=lambda: np.empty(0), init=False, repr=False)
+    _kept: KeptBlocks | None = field(default=None, init=False, repr=False)
+    _memory: dict[str, NDArray] = field(default_factory=dict, init=False, repr=False)
 
     scalar: ClassVar[bool] = False
 
@@ -140,7 +145,7 @@ class Relaxation(ABC):
         if "step_lengths" not in memory or memory["step_lengths_for"][0] != h:
             potential = IncrementalPotential(self.backend, state.x, h)
             w = step_lengths(self.steps, potential, self.layers, scalar=self.scalar)
-            memory = memory | {"step_lengths": w, "step_lengths_for": np.array([h])}
+            memory = forget(memory) | {"step_lengths": w, "step_lengths_for": np.array([h])}
         return replace(state, memory=memory)
 
     def init(self, potential: IncrementalPotential, memory: dict[str, NDArray]) -> SolverState:
@@ -149,12 +154,12 @@ class Relaxation(ABC):
         Starting no higher than phi(x_n) and never climbing bounds the energy of the next state by that of the last
         one, for any step length: phi(x_{n+1}) <= phi(x_n) is the energy inequality of backward Euler.
         """
-        self._w = memory["step_lengths"]
-        x = potential.xhat.copy()
-        if self.search is not None and potential.x_n is not None:
-            d = x - potential.x_n
-            t = self.search(potential.along(self.backend.vertices, potential.x_n, d))
-            x = potential.x_n + t * d
+        self._w, self._memory = memory["step_lengths"], memory
+        self._kept = KeptBlocks.remembered(memory, self.search is None) if self.keep_blocks else None
+        if self.search is None or potential.x_n is None:
+            return SolverState(potential.xhat.copy())
+        x, d = potential.x_n.copy(), potential.xhat - potential.x_n
+        self.backend.add_scaled(x, self.search(potential.along(self.backend.vertices, x, d)), d)
         return SolverState(x)
 
     @property
@@ -164,8 +169,28 @@ class Relaxation(ABC):
 
     def smooth_layer(self, potential: IncrementalPotential, x: Floats, number: int) -> float:
         """Smooth one layer once, in place; returns the largest correction [m]."""
-        search = self.search or first_minimum
-        return smooth(potential, self.layers[number], x, float(self._w[number]), scalar=self.scalar, search=search)
+        layer, w, kept, search = self.layers[number], float(self._w[number]), self._kept, self.search or first_minimum
+        blocks = None if kept is None else kept.get(number)
+        if kept is None or blocks is not None or not kept.holds:
+            return smooth(potential, layer, x, w, scalar=self.scalar, blocks=blocks, search=search)
+        backend = potential.backend
+        g, H = backend.gradient_and_blocks(layer, x, potential.xhat, potential.inverse_h2)
+        kept.put(backend, number, g, H, scalar=self.scalar)
+        dx = backend.solve(g, H, unit_or(w), scalar=self.scalar)
+        return apply_correction(potential, layer, x, w, dx, backend.dot(g, dx), search)
+
+    def conclude(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
+        """Decide for how long blocks are kept."""
+        kept, backend = self._kept, potential.backend
+        if kept is None:
+            return state
+        if kept.compares:
+            g = backend.nodal_gradient(self.layers[0], state.x, potential.xhat, potential.inverse_h2)
+            H = kept.get(0)
+            assert H is not None
+            kept.judge(-backend.dot(g, backend.solve(g, H, 1.0, scalar=self.scalar)))
+        kept.finish()
+        return replace(state, memory=kept.into(self._memory))
 
     @abstractmethod
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:

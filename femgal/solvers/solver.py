@@ -35,12 +35,14 @@ class SolverState:
     iteration : Iterations made.
     corrections : Largest correction [m] of each layer in the last iteration, finest first.
     outcome : Why the iteration ended; None while it goes on.
+    memory : Arrays that the solver hands on to the next step; None leaves those of the last one.
     """
 
     x: Floats
     iteration: int = 0
     corrections: tuple[float, ...] = ()
     outcome: Outcome | None = None
+    memory: dict[str, NDArray] | None = None
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,9 @@ class Solver(Protocol):
     def finished(self, potential: IncrementalPotential, state: SolverState) -> Outcome | None:
         """The reason to stop, or None to go on."""
 
+    def conclude(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
+        """The state with what the solver wants to remember; called once, after the last iteration."""
+
 
 def minimise(solver: Solver, potential: IncrementalPotential, memory: dict[str, NDArray]) -> SolverState:
     """Iterate until the solver says that it has finished; the state's outcome says why."""
@@ -89,4 +94,4 @@ def minimise(solver: Solver, potential: IncrementalPotential, memory: dict[str, 
     while (outcome := solver.finished(potential, state)) is None:
         state = solver.step(potential, state)
     state.outcome = outcome
-    return state
+    return solver.conclude(potential, state)

@@ -60,7 +60,8 @@ class BackwardEuler:
         self._last = potential
         v = (result.x - state.x) / h
         converged = None if result.outcome is Outcome.ITERATIONS else result.outcome is Outcome.CONVERGED
-        return MotionState(state.time + h, result.x, v, state.memory, result.corrections, converged)
+        memory = state.memory if result.memory is None else result.memory
+        return MotionState(state.time + h, result.x, v, memory, result.corrections, converged)
 
     def potential(self, state: MotionState, h: float) -> IncrementalPotential:
         """The incremental potential of the step that follows a state."""

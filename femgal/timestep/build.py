@@ -40,7 +40,7 @@ def build_stepper(
     layers = hierarchy.layers if hierarchy else (backend.vertices,)
     parts = free_parts(backend.disc) if plan.runs("momentum of free parts") else None
     budget = Budget(settings.iterations, settings.tolerance)
-    solver = _SOLVERS[settings.name](backend, layers, _steps(settings), budget, parts)
+    solver = _SOLVERS[settings.name](backend, layers, _steps(settings), budget, parts, plan.runs("kept blocks"))
     assert plan.substeps is not None
     return BackwardEuler(backend, solver, plan.substeps, gravity, damping, motions)
 

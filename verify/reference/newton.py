@@ -75,6 +75,10 @@ class ReferenceNewton:
             return Outcome.CONVERGED
         return Outcome.ITERATIONS if state.iteration >= self.iterations else None
 
+    def conclude(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
+        """Nothing to remember."""
+        return state
+
     def _value(self, potential: IncrementalPotential, x: Floats) -> float:
         moved = ((x - potential.xhat) ** 2).sum(axis=1)
         return 0.5 * potential.inverse_h2 * float(self.disc.mass @ moved) + self.elasticity.energy(x)

@@ -42,6 +42,13 @@ class NodeWork:
         self.workers.run(nodes.solve, len(g), w, scalar, g, H, dx)
         return dx
 
+    def compare_blocks(self, g: Floats, old: Floats, H: Floats, *, scalar: bool = False) -> tuple[float, float]:
+        """(dx' - dx) . H (dx' - dx) [J] of the corrections that old and new blocks make, and their largest change."""
+        n_chunks = -(-len(g) // nodes.CHUNK)
+        stale, change = np.empty(n_chunks), np.empty(n_chunks)
+        self.workers.run(nodes.compare_blocks, n_chunks, scalar, g, old, H, stale, change, smallest_share=1)
+        return float(stale.sum()), float(change.max(initial=0.0))
+
     def prolong(self, layer: Layer, dx: Floats, x: Floats) -> None:
         """x += P dx in place."""
         self.workers.run(nodes.prolong, self.disc.n_vertices, layer.parent, layer.weight, dx, x)

@@ -41,13 +41,39 @@ def scaled_by_diagonal(w: float, g: Vector, H: Vector) -> Vector:
     return (-w * g[0] / H[0], -w * g[1] / H[3], -w * g[2] / H[5])
 
 
+@scalar
+def _block(H: Floats, i: int) -> Vector:
+    return (H[i, 0], H[i, 1], H[i, 2], H[i, 3], H[i, 4], H[i, 5])
+
+
 @kernel
 def solve(start: int, stop: int, w: float, scalar_blocks: bool, g: Floats, H: Floats, dx: Floats) -> None:
     """dx[i] = -w H[i]^-1 g[i], or with the diagonal of H[i] only."""
     for i in range(start, stop):
-        f, block = (g[i, 0], g[i, 1], g[i, 2]), (H[i, 0], H[i, 1], H[i, 2], H[i, 3], H[i, 4], H[i, 5])
+        f, block = (g[i, 0], g[i, 1], g[i, 2]), _block(H, i)
         s = scaled_by_diagonal(w, f, block) if scalar_blocks else scaled_by_block(w, f, block)
         dx[i, 0], dx[i, 1], dx[i, 2] = s[0], s[1], s[2]
+
+
+@kernel
+def compare_blocks(
+    start: int, stop: int, scalar_blocks: bool, g: Floats, old: Floats, H: Floats, stale: Floats, change: Floats
+) -> None:
+    """Sums over chunk c of (dx' - dx) . H (dx' - dx), and the largest |H' - H|_F over the mean diagonal entry of H."""
+    for c in range(start, stop):
+        total = most = 0.0
+        for i in range(c * CHUNK, min(len(g), (c + 1) * CHUNK)):
+            f = (g[i, 0], g[i, 1], g[i, 2])
+            h, k = _block(H, i), _block(old, i)
+            a = scaled_by_diagonal(1.0, f, h) if scalar_blocks else scaled_by_block(1.0, f, h)
+            b = scaled_by_diagonal(1.0, f, k) if scalar_blocks else scaled_by_block(1.0, f, k)
+            d0, d1, d2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+            total += h[0] * d0 * d0 + h[3] * d1 * d1 + h[5] * d2 * d2
+            total += 2.0 * (h[1] * d0 * d1 + h[2] * d0 * d2 + h[4] * d1 * d2)
+            square = (h[0] - k[0]) ** 2 + (h[3] - k[3]) ** 2 + (h[5] - k[5]) ** 2
+            square += 2.0 * ((h[1] - k[1]) ** 2 + (h[2] - k[2]) ** 2 + (h[4] - k[4]) ** 2)
+            most = max(most, 3.0 * np.sqrt(square) / (h[0] + h[3] + h[5]))
+        stale[c], change[c] = total, most
 
 
 @kernel
