@@ -26,7 +26,7 @@ def vertex_cells(cells: Indices, n_vertices: int) -> tuple[NDArray[np.int64], In
     for v in range(n_vertices):
         start[v + 1] += start[v]
     cell = np.empty(start[n_vertices], np.int32)
-    cursor = start[:-1].copy()
+    cursor = start.copy()
     for e in range(cells.shape[0]):
         for k in range(cells.shape[1]):
             v = cells[e, k]
@@ -76,13 +76,13 @@ def component_labels(cells: Indices, group: Indices | None = None) -> Indices:
     """
     if group is None:
         group = np.zeros(vertex_bound(cells), np.int32)
-    return _component_labels(cells, group)
+    parent = np.arange(len(group), dtype=np.int32)
+    _component_labels(cells, group, parent)
+    return parent
 
 
 @kernel
-def _component_labels(cells: Indices, group: Indices) -> Indices:
-    n_vertices = len(group)
-    parent = np.arange(n_vertices).astype(np.int32)
+def _component_labels(cells: Indices, group: Indices, parent: Indices) -> None:
     for e in range(cells.shape[0]):
         for i in range(1, cells.shape[1]):
             for j in range(i):
@@ -97,6 +97,5 @@ def _component_labels(cells: Indices, group: Indices) -> Indices:
                     b = parent[b]
                 parent[max(a, b)] = min(a, b)
     # A parent is never above its child, so one ascending sweep leads every vertex to its root.
-    for v in range(n_vertices):
+    for v in range(len(parent)):
         parent[v] = parent[parent[v]]
-    return parent

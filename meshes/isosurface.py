@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshes.errors import MeshError
-from meshes.jit import kernel
+from meshes.jit import kernel, scalar
 from meshes.types import Origin, Points, TriMesh
 
 Vector = tuple[float, float, float]
@@ -187,7 +187,7 @@ def _march(at_nodes: NDArray[np.float64], nx: int, ny: int, nz: int, ends: NDArr
     centre_steps = (ny * nz, nz, 1)
     corners = (nx + 1) * (ny + 1) * (nz + 1)
     tet = np.empty(4, np.int64)
-    found = 0
+    found = np.int64(0)  # a literal would be a second type of _cut_tetrahedron's argument, compiled apart
     for i in range(nx):
         for j in range(ny):
             for k in range(nz):
@@ -212,7 +212,7 @@ def _march(at_nodes: NDArray[np.float64], nx: int, ny: int, nz: int, ends: NDArr
     return found
 
 
-@kernel
+@scalar
 def _cut_tetrahedron(tet: NDArray[np.int64], at_nodes: NDArray[np.float64], ends: NDArray[np.int64], at: int) -> int:
     """Write the none to two triangles in one positively oriented tetrahedron; return the count so far."""
     mask = 0
@@ -226,21 +226,21 @@ def _cut_tetrahedron(tet: NDArray[np.int64], at_nodes: NDArray[np.float64], ends
         return at + (2 if inside == 2 else 1)
     p, q, r, s = (tet[_ORDER[mask, 0]], tet[_ORDER[mask, 1]], tet[_ORDER[mask, 2]], tet[_ORDER[mask, 3]])
     if inside == 1:
-        _write_triangle(ends[at], p, q, p, r, p, s)
+        _write_triangle(ends, at, p, q, p, r, p, s)
     elif inside == 3:
-        _write_triangle(ends[at], p, q, p, s, p, r)
+        _write_triangle(ends, at, p, q, p, s, p, r)
     else:
-        _write_triangle(ends[at], p, r, p, s, q, s)
+        _write_triangle(ends, at, p, r, p, s, q, s)
         at += 1
-        _write_triangle(ends[at], p, r, q, s, q, r)
+        _write_triangle(ends, at, p, r, q, s, q, r)
     return at + 1
 
 
-@kernel
-def _write_triangle(out: NDArray[np.int64], a: int, b: int, c: int, d: int, e: int, f: int) -> None:
-    out[0, 0], out[0, 1] = min(a, b), max(a, b)
-    out[1, 0], out[1, 1] = min(c, d), max(c, d)
-    out[2, 0], out[2, 1] = min(e, f), max(e, f)
+@scalar
+def _write_triangle(ends: NDArray[np.int64], at: int, a: int, b: int, c: int, d: int, e: int, f: int) -> None:
+    ends[at, 0, 0], ends[at, 0, 1] = min(a, b), max(a, b)
+    ends[at, 1, 0], ends[at, 1, 1] = min(c, d), max(c, d)
+    ends[at, 2, 0], ends[at, 2, 1] = min(e, f), max(e, f)
 
 
 def _false_position(function: Callable[[NDArray], NDArray], at_zero: NDArray, at_one: NDArray) -> NDArray:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,6 +25,28 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Fused multiply-adds only: no reassociation, so results do not depend on how a loop was vectorised.
 _OPTIONS: dict[str, Any] = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
+
+
+def _skip_search_for_blas() -> None:
+    """Keep Numba from importing SciPy's linear algebra, 0.2 s, when its first kernel is compiled or loaded.
+
+    It does so only to know at once whether there is a BLAS. Who compiles np.dot in the same process still gets it: the
+    search is made again there.
+    """
+    from numba.np import linalg
+
+    if find_spec("scipy") is None or not hasattr(linalg, "ensure_blas"):
+        return
+    search = linalg.ensure_blas
+    linalg.ensure_blas = lambda: None
+    try:
+        from numba.np import arraymath
+    finally:
+        linalg.ensure_blas = search
+    arraymath.ensure_blas = search
+
+
+_skip_search_for_blas()
 
 
 def kernel(function: Function) -> Function:

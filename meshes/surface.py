@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from meshes.connectivity import component_labels, vertex_bound, vertex_cells
 from meshes.errors import MeshError
-from meshes.jit import kernel
+from meshes.jit import kernel, scalar
 from meshes.types import Points, TriMesh
 
 Indices = NDArray[np.int32]
@@ -170,13 +170,17 @@ def boundary_with_owners(cells: Indices) -> tuple[Indices, Indices]:
     owners : Row of ``cells``, shape [n_triangles], int32.
     """
     cells = np.ascontiguousarray(cells, np.int32)
-    faces = _boundary_faces(cells, vertex_bound(cells))
+    bucket = np.empty(4 * len(cells), np.int32)
+    faces = bucket[: _boundary_faces(cells, vertex_bound(cells), bucket)].copy()
     return _outward_triangles(cells, faces), faces >> 2
 
 
 def edge_table(triangles: Indices) -> tuple[Indices, Indices, Indices]:
     """Return all edges [n, 2], how many triangles each has, and how many more run up than down along it."""
-    return _edge_table(triangles, vertex_bound(triangles))
+    most = 3 * len(triangles)
+    edges, faces, balance = np.empty((most, 2), np.int32), np.zeros(most, np.int32), np.zeros(most, np.int32)
+    n = _edge_table(triangles, vertex_bound(triangles), edges, faces, balance)
+    return edges[:n].copy(), faces[:n].copy(), balance[:n].copy()
 
 
 def pinched_vertices(triangles: Indices) -> Indices:
@@ -184,7 +188,7 @@ def pinched_vertices(triangles: Indices) -> Indices:
     return np.flatnonzero(_fans(triangles, vertex_bound(triangles)) > 1).astype(np.int32)
 
 
-@kernel
+@scalar
 def _sorted_face(cells: Indices, face: int) -> tuple[int, int, int]:
     # Face number 4 e + k lies opposite vertex k of tetrahedron e.
     e, k = face >> 2, face & 3
@@ -194,17 +198,18 @@ def _sorted_face(cells: Indices, face: int) -> tuple[int, int, int]:
 
 
 @kernel
-def _boundary_faces(cells: Indices, n_vertices: int) -> Indices:
-    # Faces meet in the bucket of their lowest vertex: one 4-byte entry per face, no sorting.
+def _boundary_faces(cells: Indices, n_vertices: int, bucket: Indices) -> int:
+    # Faces meet in the bucket of their lowest vertex: one 4-byte entry per face, no sorting. The bucket is then
+    # overwritten by the faces met once, whose number is returned.
     n_faces = 4 * cells.shape[0]
     start = np.zeros(n_vertices + 1, np.int64)
     for face in range(n_faces):
         start[_sorted_face(cells, face)[0] + 1] += 1
-    widest = start.max()
+    widest = np.int64(0)
     for v in range(n_vertices):
+        widest = max(widest, start[v + 1])
         start[v + 1] += start[v]
-    bucket = np.empty(n_faces, np.int32)
-    cursor = start[:-1].copy()
+    cursor = start.copy()
     for face in range(n_faces):
         low = _sorted_face(cells, face)[0]
         bucket[cursor[low]] = face
@@ -224,7 +229,7 @@ def _boundary_faces(cells: Indices, n_vertices: int) -> Indices:
             if alone[i]:
                 bucket[n_alone] = bucket[start[v] + i]
                 n_alone += 1
-    return bucket[:n_alone].copy()
+    return n_alone
 
 
 @kernel
@@ -241,7 +246,7 @@ def _outward_triangles(cells: Indices, faces: Indices) -> Indices:
 
 
 @kernel
-def _edge_table(triangles: Indices, n_vertices: int) -> tuple[Indices, Indices, Indices]:
+def _edge_table(triangles: Indices, n_vertices: int, edges: Indices, faces: Indices, balance: Indices) -> int:
     n = 3 * triangles.shape[0]
     start = np.zeros(n_vertices + 1, np.int64)
     for f in range(triangles.shape[0]):
@@ -250,7 +255,7 @@ def _edge_table(triangles: Indices, n_vertices: int) -> tuple[Indices, Indices, 
     for v in range(n_vertices):
         start[v + 1] += start[v]
     other, direction = np.empty(n, np.int32), np.empty(n, np.int32)
-    cursor = start[:-1].copy()
+    cursor = start.copy()
     for f in range(triangles.shape[0]):
         for k in range(3):
             a, b = triangles[f, k], triangles[f, (k + 1) % 3]
@@ -258,8 +263,6 @@ def _edge_table(triangles: Indices, n_vertices: int) -> tuple[Indices, Indices, 
             other[cursor[low]] = max(a, b)
             direction[cursor[low]] = 1 if a < b else -1
             cursor[low] += 1
-    edges = np.empty((n, 2), np.int32)
-    faces, balance = np.zeros(n, np.int32), np.zeros(n, np.int32)
     n_edges = 0
     for v in range(n_vertices):
         first = n_edges
@@ -272,14 +275,14 @@ def _edge_table(triangles: Indices, n_vertices: int) -> tuple[Indices, Indices, 
                 n_edges += 1
             faces[e] += 1
             balance[e] += direction[i]
-    return edges[:n_edges].copy(), faces[:n_edges].copy(), balance[:n_edges].copy()
+    return n_edges
 
 
 @kernel
 def _fans(triangles: Indices, n_vertices: int) -> Indices:
     start, around = vertex_cells(triangles, n_vertices)
     fans = np.zeros(n_vertices, np.int32)
-    widest = 0
+    widest = np.int64(0)
     for v in range(n_vertices):
         widest = max(widest, start[v + 1] - start[v])
     ends = np.empty((widest, 2), np.int32)
@@ -303,6 +306,6 @@ def _fans(triangles: Indices, n_vertices: int) -> Indices:
     return fans
 
 
-@kernel
+@scalar
 def _meet(ends: Indices, i: int, j: int) -> bool:
     return ends[i, 0] == ends[j, 0] or ends[i, 0] == ends[j, 1] or ends[i, 1] == ends[j, 0] or ends[i, 1] == ends[j, 1]

@@ -39,9 +39,10 @@ def fill(sample: Sample, warped: Warped) -> Filling:
     lattice = sample.lattice
     points = np.empty((warped.vertices, 3))
     face = np.full(warped.vertices, INTERIOR, np.int32)
-    vertex, cut_vertex = _number_vertices(
-        sample.sign, sample.near, sample.slot, sample.cut, sample.face, warped.way, lattice.steps,
-        np.array(lattice.shape), DIRECTIONS, points, face,
+    vertex, cut_vertex = np.full(lattice.size, -1, np.int32), np.full(sample.cut.shape, -1, np.int32)
+    _number_vertices(
+        sample.sign, sample.slot, sample.cut, sample.face, warped.way, lattice.steps,
+        np.array(lattice.shape), DIRECTIONS, vertex, cut_vertex, points, face,
     )  # fmt: skip
     points *= 0.5 * lattice.spacing
     points += lattice.origin
@@ -56,7 +57,6 @@ def fill(sample: Sample, warped: Warped) -> Filling:
 @kernel
 def _number_vertices(
     sign: NDArray[np.int8],
-    near: NDArray[np.int32],
     slot: NDArray[np.int32],
     cut: NDArray[np.float64],
     face: NDArray[np.int32],
@@ -64,12 +64,12 @@ def _number_vertices(
     steps: NDArray[np.int64],
     shape: NDArray[np.int64],
     directions: NDArray[np.int64],
+    vertex: NDArray[np.int32],
+    cut_vertex: NDArray[np.int32],
     points: Points,
     point_face: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+) -> None:
     """Number of the vertex at each lattice point and on each edge from a near point; positions in half steps."""
-    vertex = np.full(sign.shape[0], -1, np.int32)
-    cut_vertex = np.full(cut.shape, -1, np.int32)
     here = np.empty(3)
     n = 0
     for p in range(sign.shape[0]):
@@ -82,7 +82,8 @@ def _number_vertices(
         here[0] = 2 * (column // shape[2] // shape[1]) + (p & 1)
         if sign[p] > 0:
             vertex[p] = n
-            points[n] = here
+            for c in range(3):  # an assignment of rows would compile for three seconds
+                points[n, c] = here[c]
             n += 1
         if i < 0:
             continue
@@ -106,7 +107,6 @@ def _number_vertices(
                 point_face[n] = face[i, d]
                 cut_vertex[i, d] = n
                 n += 1
-    return vertex, cut_vertex
 
 
 @kernel

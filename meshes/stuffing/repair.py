@@ -176,10 +176,14 @@ def _may_bound(cells: Cells, exposed: NDArray[np.bool_]) -> NDArray[np.int64]:
     return _at_least(cells, exposed, 3)
 
 
-@kernel
 def _at_least(cells: Cells, marked: NDArray[np.bool_], least: int) -> NDArray[np.int64]:
     """Rows of the cells with at least so many marked vertices."""
-    rows = np.empty(cells.shape[0], np.int64)
+    rows = np.empty(len(cells), np.int64)
+    return rows[: _write_at_least(cells, marked, least, rows)].copy()
+
+
+@kernel
+def _write_at_least(cells: Cells, marked: NDArray[np.bool_], least: int, rows: NDArray[np.int64]) -> int:
     n = 0
     for e in range(cells.shape[0]):
         marks = 0
@@ -188,4 +192,4 @@ def _at_least(cells: Cells, marked: NDArray[np.bool_], least: int) -> NDArray[np
         if marks >= least:
             rows[n] = e
             n += 1
-    return rows[:n].copy()
+    return n

@@ -115,10 +115,15 @@ def _mark_inside(
     return doubled
 
 
-@kernel
 def _near_points(sign: NDArray[np.int8], steps: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    slot = np.full(len(sign), -1, np.int32)
+    _number_near(sign, steps, slot)
+    return slot, np.flatnonzero(slot >= 0).astype(np.int32)
+
+
+@kernel
+def _number_near(sign: NDArray[np.int8], steps: NDArray[np.int64], slot: NDArray[np.int32]) -> None:
     # The margin of the lattice is outside, so only inside points need their neighbours looked at.
-    slot = np.full(sign.shape[0], -1, np.int32)
     for p in range(sign.shape[0]):
         if sign[p] > 0:
             for way in range(steps.shape[1]):
@@ -130,11 +135,6 @@ def _near_points(sign: NDArray[np.int8], steps: NDArray[np.int64]) -> tuple[NDAr
         if slot[p] == 0:
             slot[p] = n
             n += 1
-    near = np.empty(n, np.int32)
-    for p in range(sign.shape[0]):
-        if slot[p] >= 0:
-            near[slot[p]] = p
-    return slot, near
 
 
 @kernel
