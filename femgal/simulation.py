@@ -311,7 +311,10 @@ class Simulation:
         if settings.name == "verlet":
             return "leave solver.substeps out, or lower solver.safety; or take --solver fas"
         advice = f"more substeps (--substeps {2 * (self.plan.substeps or 1)})"
-        return advice if settings.steps == "exact" else f"{advice}, or --set solver.steps=exact"
+        if settings.steps in ("exact", "backtracking"):
+            return advice
+        advice += ", or --set solver.steps=exact"
+        return advice if settings.chebyshev is None else f"{advice}, or leave solver.chebyshev out"
 
 
 def _build_hierarchy(disc: Discretisation, settings: SolverSettings) -> Hierarchy:

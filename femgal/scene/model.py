@@ -23,6 +23,7 @@ from femgal.scene.quantities import (
     NotEmpty,
     Number,
     PoissonsRatio,
+    SpectralRadius,
     StepLengths,
     Text,
     Unit,
@@ -31,6 +32,7 @@ from femgal.scene.quantities import (
     YoungsModulus,
 )
 from femgal.scene.shapes import Initial, Path, Rest, Rotation, Selector, Table, Turn
+from femgal.solvers.cycle import CycleKind
 
 
 class Region(Table):
@@ -137,9 +139,16 @@ class SolverSettings(Table):
     ratio : Vertices per coarse node from one layer to the next, 32 when left out; ``linear`` has 8, as each lattice is
         twice as wide.
     layers : Number of coarse layers, or ``full`` for as many as the mesh gives.
+    cycle : Order in which an iteration smooths the layers: ``coarse-to-fine`` (once each), ``V``, ``F`` or ``W``.
+    pre, post : Smoothings of a layer before and after the coarser ones are visited; 0 and 1 with ``coarse-to-fine``, 1
+        and 1 with the others when left out. The coarsest layer, where down and up meet, has max(pre, post).
     steps : Step lengths: ``exact`` (to the minimum along each correction: the energy never grows, however stiff the
-        body or long the step), ``spectral`` (from power iteration at rest: half the cost of a substep, for soft bodies
-        and short steps), ``lu2025`` (0.25 coarse, 0.5 fine), or [coarse, fine].
+        body or long the step), ``backtracking`` (1, 1/2, 1/4, ... of each correction until the energy falls: never
+        grows either, at the cost of ``exact``), ``spectral`` (from power iteration at rest: half the cost of a substep,
+        for soft bodies and short steps), ``lu2025`` (0.25 coarse, 0.5 fine), or [coarse, fine].
+    chebyshev : Extrapolate from iteration to iteration (Wang 2015) as for this spectral radius of one iteration; with
+        ``auto`` it is estimated, and with a line search the extrapolation goes as far as the energy falls. Needs
+        iterations >= 2; off when left out.
     safety : ``verlet`` steps by this fraction of its stable step.
     mass_scaling : Largest share of its mass that a body may gain for ``verlet`` to take longer steps; the mass goes to
         the vertices of the elements that dictate the step, is heavy as well as inert, and is reported. Off when left
@@ -158,7 +167,11 @@ class SolverSettings(Table):
     transfer: Literal["constant", "linear"] = "constant"
     ratio: Annotated[Count, Field(ge=2)] = 32
     layers: Layers = "full"
+    cycle: CycleKind = "coarse-to-fine"
+    pre: Index = 0
+    post: Index = 1
     steps: StepLengths = "exact"
+    chebyshev: SpectralRadius | None = None
     safety: Annotated[Number, Field(gt=0, le=1)] = 0.9
     mass_scaling: Annotated[Number, Field(gt=0, le=1)] | None = None
     blocks: Literal["auto", "fresh"] = "auto"
@@ -184,6 +197,43 @@ class SolverSettings(Table):
             }
             raise PydanticCustomError("ratio", "each lattice is twice as wide as the one before", context)
         return self
+
+    @model_validator(mode="before")
+    @classmethod
+    def _cycles_that_go_down_smooth_there(cls, data: Any) -> Any:
+        """Fill in pre = 1 for the cycles that go down first."""
+        if isinstance(data, dict) and data.get("cycle", "coarse-to-fine") != "coarse-to-fine":
+            return {"pre": 1} | data
+        return data
+
+    @model_validator(mode="after")
+    def _cycle_smooths(self) -> Self:
+        if self.cycle == "coarse-to-fine" and self.pre > 0:
+            context = {
+                "key": "solver.pre",
+                "found": str(self.pre),
+                "allowed": '0 with cycle = "coarse-to-fine"',
+                "advice": 'set cycle = "V", or leave pre out and raise post',
+            }
+            raise PydanticCustomError("pre", "this cycle does not go down", context)
+        if self.pre + self.post == 0:
+            context = {"key": "solver.post", "found": "0", "allowed": "at least 1 where pre = 0"}
+            raise PydanticCustomError("post", "smooths nothing", context)
+        return self
+
+    @model_validator(mode="after")
+    def _chebyshev_extrapolates_iterations(self) -> Self:
+        if self.chebyshev is None or (self.name != "verlet" and self.iterations > 1):
+            return self
+        explicit = self.name == "verlet"
+        context = {
+            "key": "solver.chebyshev",
+            "found": str(self.chebyshev),
+            "allowed": "with solvers that iterate, and iterations >= 2",
+            "advice": "leave it out" if explicit else "raise iterations (and lower substeps), or leave it out",
+        }
+        why = "verlet does not iterate" if explicit else "one iteration has none before it"
+        raise PydanticCustomError("chebyshev", "there is nothing to extrapolate: {why}", {**context, "why": why})
 
     @model_validator(mode="after")
     def _mass_is_scaled_for_a_step(self) -> Self:

@@ -7,6 +7,7 @@ are those that the run log counts.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Literal
 
@@ -19,6 +20,9 @@ from femgal.output.fields import FIELDS, find_field
 from femgal.scene.build import World
 from femgal.scene.model import Scene
 from femgal.scene.problems import Problem, SceneError
+from femgal.solvers.chebyshev import largest_stable_radius
+from femgal.solvers.cycle import Cycle, shown
+from femgal.solvers.smoother import LINE_SEARCHES
 from femgal.timestep.mass_scaling import MassScaling
 from femgal.timestep.velocity_verlet import FOLLOW_ITERATIONS
 from meshes.connectivity import component_labels
@@ -157,6 +161,9 @@ def _start_stages(
         spectral = scene.solver.steps == "spectral"
         note = "smoothing and stability bounds of each layer, by power iteration" if spectral else "not asked for"
         stages.append(Stage("spectral step lengths", "start", spectral, note))
+        estimated = scene.solver.chebyshev == "auto" and not _searches(scene)
+        note = "of one iteration at rest, by power iteration" if estimated else "not asked for"
+        stages.append(Stage("spectral radius", "start", estimated, note))
     return stages
 
 
@@ -181,15 +188,16 @@ def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | No
         return [Stage("acceleration", "substep", True, "gradient", n_free, disc.n_tets, 1.0)]
     if hierarchy is None:
         stages = [Stage("layer 0", "substep", True, scene.solver.name, n_free, disc.n_tets, float(iterations))]
-        active = [disc.n_tets]
+        searched, finest = float(disc.n_tets), float(disc.n_tets)
     else:
-        stages = _layer_stages(scene, disc, hierarchy)
-        active = [len(layer.active) for layer in hierarchy.layers]
-    exact = scene.solver.steps == "exact"
-    # One line from the last state to the prediction, then one along the correction of each layer.
-    passes = 1.0 + iterations * sum(active) / disc.n_tets if exact else 0.0
-    note = "energy along each correction" if exact else "step lengths are fixed"
-    stages.append(Stage("exact steps", "substep", exact, note, 0, sum(active) if exact else 0, passes))
+        cycle = Cycle(scene.solver.cycle, scene.solver.pre, scene.solver.post)
+        sequence = cycle.schedule(len(hierarchy.layers))
+        stages = _layer_stages(scene, disc, hierarchy, sequence)
+        stages.insert(0, Stage("cycle", "substep", True, f"{cycle}, layers {shown(sequence)}"))
+        searched = float(sum(len(hierarchy.layers[number].active) for number in sequence))
+        finest = float(len(hierarchy.layers[0].active))
+    stages.append(_line_search(scene, searched / disc.n_tets))
+    stages.append(_chebyshev(scene, finest / disc.n_tets))
     stages.append(_kept_blocks(scene))
     held = not _has_free_parts(disc)
     note = "every part is held by a constraint" if held else "centre of mass of parts that no constraint holds"
@@ -197,6 +205,34 @@ def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | No
     test = scene.solver.tolerance is not None
     note = f"eps18 <= {scene.solver.tolerance:g} m, at most" if test else "no tolerance"
     return [*stages, Stage("stopping test", "substep", test, note, passes=float(iterations + 1) if test else 0.0)]
+
+
+def _searches(scene: Scene) -> bool:
+    return scene.solver.steps in LINE_SEARCHES
+
+
+def _line_search(scene: Scene, passes: float) -> Stage:
+    """One line from the last state to the prediction, then one along the correction of each smoothing."""
+    if not _searches(scene):
+        return Stage("line search", "substep", False, "step lengths are fixed")
+    how = "to its first minimum" if scene.solver.steps == "exact" else "1, 1/2, 1/4, ... of it until that falls"
+    note = f"energy along each correction, {how}"
+    return Stage("line search", "substep", True, note, passes=1.0 + scene.solver.iterations * passes)
+
+
+def _chebyshev(scene: Scene, passes: float) -> Stage:
+    """One line beyond each iterate after the first where a line search says how far."""
+    rho, iterations = scene.solver.chebyshev, scene.solver.iterations
+    if rho is None:
+        return Stage("Chebyshev", "substep", False, "no extrapolation of the iterates")
+    if _searches(scene):
+        note = "extrapolated as far as the energy falls" + ("" if rho == "auto" else f", at most as for rho = {rho:g}")
+        return Stage("Chebyshev", "substep", True, note, passes=(iterations - 1) * passes)
+    bound = largest_stable_radius(iterations)
+    note = f"rho estimated, at most {bound:.3f}" if rho == "auto" else f"rho = {rho:g}"
+    if rho != "auto" and rho > bound:
+        note += f": above {bound:.3f} so few iterations may let stiff motions grow"
+    return Stage("Chebyshev", "substep", True, note)
 
 
 def _kept_blocks(scene: Scene) -> Stage:
@@ -210,13 +246,14 @@ def _has_free_parts(disc: Discretisation) -> bool:
     return bool(np.setdiff1d(part, part[~disc.free]).size)
 
 
-def _layer_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy) -> list[Stage]:
+def _layer_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy, sequence: tuple[int, ...]) -> list[Stage]:
     """Layers from coarse to fine, with the elements that each leaves out."""
+    times = Counter(sequence)
     n_free, iterations = int(disc.free.sum()), scene.solver.iterations
     stages = [_unneeded_layer(scene, n_free, hierarchy)]
     finest = max(1, hierarchy.layers[0].n_pairs)
     for number, layer in reversed(list(enumerate(hierarchy.layers))):
-        passes = iterations * layer.n_pairs / finest
+        passes = iterations * times[number] * layer.n_pairs / finest
         stages.append(Stage(f"layer {number}", "substep", True, layer.name, layer.n_nodes, len(layer.active), passes))
         if number > 0:
             interior = disc.n_tets - len(layer.active)

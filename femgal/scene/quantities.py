@@ -67,12 +67,20 @@ def _layers(value: Any) -> Any:
 
 
 def _steps(value: Any) -> Any:
-    if value in ("spectral", "exact", "lu2025"):
+    if value in ("spectral", "exact", "backtracking", "lu2025"):
         return value
     pair = isinstance(value, (list, tuple)) and len(value) == 2
     if pair and all(_is_number(w) and 0.0 < w < 2.0 for w in value):
         return tuple(float(w) for w in value)
     raise PydanticCustomError("steps", "not a choice of step lengths")
+
+
+def _radius(value: Any) -> Any:
+    if value == "auto":
+        return value
+    if _is_number(value) and 0.0 < value < 1.0:
+        return float(value)
+    raise PydanticCustomError("radius", "not a spectral radius")
 
 
 def _increasing(times: tuple[float, ...]) -> tuple[float, ...]:
@@ -112,5 +120,8 @@ Times = Annotated[
 ]
 Layers = Annotated[Any, BeforeValidator(_layers), Words('"full" or an integer >= 0')]
 StepLengths = Annotated[
-    Any, BeforeValidator(_steps), Words('"spectral", "exact", "lu2025" or [w_coarse, w_fine] with 0 < w < 2')
+    Any,
+    BeforeValidator(_steps),
+    Words('"spectral", "exact", "backtracking", "lu2025" or [w_coarse, w_fine] with 0 < w < 2'),
 ]
+SpectralRadius = Annotated[Any, BeforeValidator(_radius), Words('"auto" or a number between 0 and 1')]

@@ -14,10 +14,12 @@ from femgal.kernels.backend import Backend
 from femgal.kernels.cpu.threads import Workers
 from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan
+from femgal.solvers.chebyshev import Chebyshev
+from femgal.solvers.cycle import Cycle
 from femgal.solvers.fas import FAS
 from femgal.solvers.jacobi import Jacobi, ScalarJacobi
 from femgal.solvers.smoother import LU2025_STEPS, Relaxation, StepRule
-from femgal.solvers.solver import Budget
+from femgal.solvers.solver import Budget, Solver
 from femgal.timestep.backward_euler import BackwardEuler
 from femgal.timestep.bottleneck import find_bottleneck
 from femgal.timestep.mass_scaling import MassScaling, scale_mass
@@ -25,7 +27,7 @@ from femgal.timestep.stable_step import element_stiffness, vertex_stiffness
 from femgal.timestep.state import Motion, TimeStepper
 from femgal.timestep.velocity_verlet import VelocityVerlet
 
-_SOLVERS: dict[str, type[Relaxation]] = {"fas": FAS, "jacobi": Jacobi, "scalar-jacobi": ScalarJacobi}
+_SINGLE_LEVEL: dict[str, type[Jacobi]] = {"jacobi": Jacobi, "scalar-jacobi": ScalarJacobi}
 
 
 def build_stepper(
@@ -37,10 +39,7 @@ def build_stepper(
     motions = motions if plan.runs("fixed vertices") or plan.runs("moving vertices") else ()
     if settings.name == "verlet":
         return VelocityVerlet(backend, gravity, damping, motions, settings.safety, settings.substeps)
-    layers = hierarchy.layers if hierarchy else (backend.vertices,)
-    parts = free_parts(backend.disc) if plan.runs("momentum of free parts") else None
-    budget = Budget(settings.iterations, settings.tolerance)
-    solver = _SOLVERS[settings.name](backend, layers, _steps(settings), budget, parts, plan.runs("kept blocks"))
+    solver = _build_solver(settings, plan, backend, hierarchy)
     assert plan.substeps is not None
     return BackwardEuler(backend, solver, plan.substeps, gravity, damping, motions)
 
@@ -63,7 +62,19 @@ def prepare_mass(
     return disc, scaling, (scaling.warning,) if scaling.warning else ()
 
 
+def _build_solver(settings: SolverSettings, plan: Plan, backend: Backend, hierarchy: Hierarchy | None) -> Solver:
+    layers = hierarchy.layers if hierarchy else (backend.vertices,)
+    parts = free_parts(backend.disc) if plan.runs("momentum of free parts") else None
+    budget = Budget(settings.iterations, settings.tolerance)
+    common = (backend, layers, _steps(settings), budget, parts, plan.runs("kept blocks"))
+    if settings.name == "fas":
+        solver: Relaxation = FAS(*common, cycle=Cycle(settings.cycle, settings.pre, settings.post))
+    else:
+        solver = _SINGLE_LEVEL[settings.name](*common)
+    return solver if settings.chebyshev is None else Chebyshev(solver, settings.chebyshev)
+
+
 def _steps(settings: SolverSettings) -> StepRule:
-    if settings.steps in ("spectral", "exact"):
+    if settings.steps in ("spectral", "exact", "backtracking"):
         return settings.steps
     return LU2025_STEPS if settings.steps == "lu2025" else settings.steps

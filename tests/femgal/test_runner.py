@@ -120,6 +120,9 @@ VARIANTS = [
     {"solver": "verlet", "solver_lines": ""},
     {"solver": "verlet", "solver_lines": "", "path": PULL},
     {"solver": "fas", "solver_lines": 'substeps = 5\nsteps = "exact"', "path": PULL},
+    {"solver": "fas", "solver_lines": 'substeps = 3\ncycle = "V"\nsteps = "backtracking"'},
+    {"solver": "fas", "solver_lines": 'substeps = 3\nsteps = "spectral"\niterations = 3\nchebyshev = "auto"'},
+    {"solver": "jacobi", "solver_lines": 'substeps = 3\niterations = 3\nchebyshev = "auto"', "path": PULL},
 ]
 
 

@@ -6,7 +6,8 @@
 3. Choices that exclude one another are refused when given together, and when none is given where one is needed.
 4. Everything that may be written in two ways means the same.
 5. A scene never changes after it was read.
-6. The linear transfer has ratio 8, given or not; the constant one has 32 when none is given.
+6. The linear transfer has ratio 8, given or not; the constant one has 32 when none is given. Cycles that go down first
+   smooth there, when not told otherwise.
 """
 
 from __future__ import annotations
@@ -180,6 +181,24 @@ def test_paths(path, parts):
         ("[solver]\nlayers = true", ["solver.layers", "found:   true"]),
         ("[solver]\nsteps = [0.25, 2.0]", ["solver.steps", "0 < w < 2"]),
         ("[solver]\nsteps = [0.25]", ["solver.steps", "[w_coarse, w_fine]"]),
+        ("[solver]\nsteps = 'backtrack'", ["solver.steps", '"backtracking"']),
+        ("[solver]\ncycle = 'v'", ["solver.cycle", '"coarse-to-fine", "V", "F", "W"', "did you mean V?"]),
+        ("[solver]\npre = -1", ["0 <= pre, an integer"]),
+        ("[solver]\npost = 1.5", ["solver.post: wrong type", "0 <= post, an integer"]),
+        ("[solver]\npre = 1", ["solver.pre: this cycle does not go down", "found:   1", 'set cycle = "V"']),
+        ("[solver]\npost = 0", ["solver.post: smooths nothing", "found:   0", "at least 1 where pre = 0"]),
+        ("[solver]\ncycle = 'W'\npre = 0\npost = 0", ["solver.post: smooths nothing"]),
+        ("[solver]\nchebyshev = 1.0\niterations = 2", ["solver.chebyshev", '"auto" or a number between 0 and 1']),
+        ("[solver]\nchebyshev = 0\niterations = 2", ["solver.chebyshev: not a spectral radius", "found:   0"]),
+        ("[solver]\nchebyshev = true\niterations = 2", ["solver.chebyshev", "found:   true"]),
+        (
+            "[solver]\nchebyshev = 'auto'",
+            ["solver.chebyshev", "one iteration has none before it", "found:   auto", "raise iterations"],
+        ),
+        (
+            "[solver]\nname = 'verlet'\nchebyshev = 0.9\niterations = 3",
+            ["solver.chebyshev", "verlet does not iterate", "found:   0.9", "leave it out"],
+        ),
         ("[solver]\nsafety = 1.1", ["0 < safety <= 1"]),
         ("[solver]\nthreads = 0", ["1 <= threads, an integer"]),
         ("[output]\nformat = 'vtk'", ["output.format", '"vtkhdf", "vtu"']),
@@ -232,6 +251,22 @@ def test_solver_choices_are_kept():
 def test_transfer_and_ratio(lines, expected):
     solver = scene(rest=f"[solver]\n{lines}").solver
     assert (solver.transfer, solver.ratio) == expected
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ("", ("coarse-to-fine", 0, 1)),
+        ("post = 3", ("coarse-to-fine", 0, 3)),
+        ("cycle = 'V'", ("V", 1, 1)),
+        ("cycle = 'F'\npre = 2", ("F", 2, 1)),
+        ("cycle = 'W'\npre = 0\npost = 2", ("W", 0, 2)),
+        ("cycle = 'coarse-to-fine'\npre = 0", ("coarse-to-fine", 0, 1)),
+    ],
+)
+def test_cycle_and_counts(lines, expected):
+    solver = scene(rest=f"[solver]\n{lines}").solver
+    assert (solver.cycle, solver.pre, solver.post) == expected
 
 
 def test_scenes_are_frozen():
