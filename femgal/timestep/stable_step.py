@@ -57,20 +57,16 @@ def largest_eigenvalue(A: Tensor, mu: Any, lam: Any) -> Any:
 
     With A = sum_k grad N_k grad N_k^T the forces sigma grad N_k have the same eigenvalues as
     sigma -> mu (sigma A + A sigma) + l tr(sigma A) I, l = lam - mu, on symmetric matrices. In the axes of A, with
-    eigenvalues a_1 >= a_2 >= a_3, these are mu (a_i + a_j) for shear and those of 2 mu diag(a) + l sqrt(a) sqrt(a)^T
-    for stretch, whose invariants follow from the invariants of A.
+    eigenvalues a_1 >= a_2 >= a_3, these are mu (a_i + a_j) for shear and those of
+    S = 2 mu diag(a) + l sqrt(a) sqrt(a)^T for stretch, whose invariants follow from the invariants of A. Shear is never
+    the fastest: l >= -2 mu / 3, so that already the first two rows and columns of S have an eigenvalue of
+    mu (a_1 + a_2) or more.
     """
     e = _invariants(A)
-    l = lam - mu  # noqa: E741
-    two = like(mu, 2)
-    stretch = _largest_root(
-        (two * mu + l) * e[0],
-        like(mu, 4) * mu * lam * e[1],
-        like(mu, 4) * mu * mu * (two * mu + like(mu, 3) * l) * e[2],
+    two_mu, l = like(mu, 2) * mu, lam - mu  # noqa: E741
+    return _largest_root(
+        (two_mu + l) * e[0], like(mu, 2) * two_mu * lam * e[1], two_mu * two_mu * (two_mu + like(mu, 3) * l) * e[2]
     )
-    # a_1 + a_2 is the largest eigenvalue of tr(A) I - A. Shear can be faster than stretch only where l < 0.
-    shear = mu * _largest_root(two * e[0], e[0] * e[0] + e[1], e[0] * e[1] - e[2])
-    return max(stretch, shear)
 
 
 @scalar
