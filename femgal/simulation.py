@@ -34,8 +34,8 @@ Floats = NDArray[np.float64]
 # A frame that its method rejects is taken again with more substeps, at most so often.
 MOST_RETAKES = 8
 
-# Velocity Verlet keeps the energy up to an oscillation that falls with h^2. A frame in which it grows by more than this
-# share has stepped too far for a motion that stiffens within the frame.
+# Velocity Verlet keeps the energy up to an oscillation that falls with h^2, backward Euler loses some. A frame in which
+# it grows by more than this share has taken steps that are too long for the method, or for its step lengths.
 MOST_GAIN = 0.01
 
 # Positions [m] and velocities [m/s] beyond this are taken for mistakes; files hold them in single precision.
@@ -69,6 +69,26 @@ class Frame:
     row: dict[str, Any]
     fields: dict[str, NDArray]
     guard: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """One way through a frame.
+
+    Parameters
+    ----------
+    state : Where it led.
+    wanted : Substeps to take the frame again with; None when that is not wanted or would be of no use.
+    complaint : What is wrong with the state; None to accept it.
+    measured : Its energies, when they have been computed.
+    lost_at : Substep after which positions were not finite.
+    """
+
+    state: MotionState
+    wanted: int | None
+    complaint: str | None
+    measured: tuple[Energies, Floats, Floats] | None = None
+    lost_at: int | None = None
 
 
 @dataclass(eq=False)
@@ -204,37 +224,22 @@ class Simulation:
         for index in range(first, self.scene.frames + 1):
             frame, energies = self._advance(index, state, on_substep)
             state = frame.state
-            complaint = self.guard.complaint(energies)
-            if complaint:
-                raise self._failure(complaint, index, None, state)
             self.guard.accept(energies)
             yield replace(frame, guard=self.guard.memory())
 
     def _advance(self, index: int, state: MotionState, on_substep: OnSubstep) -> tuple[Frame, Energies]:
         began, self.backend.passes = time.perf_counter(), Passes()
         self.guard.allow_for_motion(state, self.frame_duration)
-        state, substeps = self.stepper.begin_frame(state, self.frame_duration)
+        ready, substeps = self.stepper.begin_frame(state, self.frame_duration)
         for retakes in range(MOST_RETAKES + 1):
-            self._unconverged = 0
-            after, done = self._substeps(state, substeps, on_substep)
-            after, wanted = self.stepper.end_frame(after, self.frame_duration, substeps)
-            measured = None
-            if wanted is None and self.plan.runs("energy check"):
-                measured = energies_of(self.backend, after, self.gravity)
-                wanted = self._gain(measured[0], substeps)
-            if wanted is None:
+            attempt = self._attempt(index, ready, substeps, on_substep)
+            if attempt.wanted is None or retakes == MOST_RETAKES:
                 break
-            if retakes < MOST_RETAKES:
-                substeps = wanted
-        if done < substeps or not np.isfinite(after.x.sum()):
-            raise self._failure("positions are not finite", index, done, after)
-        if wanted is not None:
-            what = f"{substeps} substeps are still too few for a stable motion after {MOST_RETAKES} retakes"
-            raise self._failure(what, index, None, after)
-        state = after
-        # Adding h many times drifts; the frame's own time does not.
-        state = replace(state, time=index * self.frame_duration)
-        frame, energies = self._measure(index, state, measured)
+            ready, substeps = self.stepper.begin_frame(state, self.frame_duration, attempt.wanted)
+        if attempt.complaint:
+            again = f" after {retakes} retakes, the last with {substeps} substeps" if retakes else ""
+            raise self._failure(attempt.complaint + again, index, attempt.lost_at, attempt.state)
+        frame, energies = self._measure(index, attempt.state, attempt.measured)
         by_kind = self.backend.passes.as_dict()
         frame.row.update(
             seconds=time.perf_counter() - began,
@@ -246,13 +251,39 @@ class Simulation:
         )
         return frame, energies
 
-    def _gain(self, energies: Energies, substeps: int) -> int | None:
-        """More substeps, when a method that should keep the energy has let it grow over the frame."""
+    def _attempt(self, index: int, state: MotionState, substeps: int, on_substep: OnSubstep) -> _Attempt:
+        """Take a frame with a number of substeps, and judge it."""
+        self._unconverged = 0
+        after, done = self._substeps(state, substeps, on_substep)
+        after, wanted = self.stepper.end_frame(after, self.frame_duration, substeps)
+        # Adding h many times drifts; the frame's own time does not.
+        after = replace(after, time=index * self.frame_duration)
+        if done < substeps or not np.isfinite(after.x.sum()):
+            return _Attempt(after, wanted, "positions are not finite", lost_at=done)
+        if wanted is not None:
+            return _Attempt(after, wanted, "the steps are too long for a stable motion")
+        measured = energies_of(self.backend, after, self.gravity)
+        complaint = self.guard.complaint(measured[0])
+        if complaint is None and self.plan.runs("energy check"):
+            complaint = self._gain(measured[0])
+        if complaint and self._may_take_again:
+            wanted = math.ceil(1.5 * substeps)
+        return _Attempt(after, wanted, complaint, measured)
+
+    @property
+    def _may_take_again(self) -> bool:
+        """Whether more substeps are the method's own business: who gives them to Verlet wants no others."""
+        settings = self.scene.solver
+        return settings.name != "verlet" or settings.substeps is None
+
+    def _gain(self, energies: Energies) -> str | None:
+        """What is wrong when a method that should keep the energy or lose some has let it grow over the frame."""
         before = self.guard.last or self.guard.start
         assert before is not None
         gain = energies.total - before.total
-        kept = gain <= MOST_GAIN * (before.kinetic + before.elastic + self.guard.least_scale)
-        return None if kept else math.ceil(1.5 * substeps)
+        if gain <= MOST_GAIN * (before.kinetic + before.elastic + self.guard.least_scale):
+            return None
+        return f"the energy grew by {gain:.4g} J in one frame, which nothing has put in"
 
     def _substeps(self, state: MotionState, substeps: int, on_substep: OnSubstep) -> tuple[MotionState, int]:
         """The substeps of one frame, and how many were made before the positions ceased to be finite."""

@@ -75,6 +75,8 @@ class TerminalProgress(Progress):
     def frame(self, row: Mapping[str, Any]) -> None:
         """Advance the bar, or print a line where there is none."""
         note = f"{row['seconds']:.2f} s, energy {row['total_energy']:.4g} J, min J {row['min_J']:.3g}"
+        if row["retakes"]:
+            note += f", taken again {row['retakes']} time(s), the last with {row['substeps']} substeps"
         self._bar.update(self._task, advance=1, note=note)
         if self._bar.disable:
             self._console.print(f"frame {row['frame']}: {note}")

@@ -153,8 +153,8 @@ class SolverSettings(Table):
     mass_scaling : Largest share of its mass that a body may gain for ``verlet`` to take longer steps; the mass goes to
         the vertices of the elements that dictate the step, is heavy as well as inert, and is reported. Off when left
         out; 0.01 often doubles the step.
-    blocks : ``auto`` keeps the 3x3 diagonal blocks for several substeps while that changes less than a tenth of what the
-        solver leaves undone (measured; soft bodies gain most), ``fresh`` makes them at every smoothing.
+    blocks : ``auto`` keeps the 3x3 diagonal blocks for several substeps while that changes less than a tenth of what
+        the solver leaves undone (measured; soft bodies gain most), ``fresh`` makes them at every smoothing.
     precision : Arithmetic of the element passes, ``float64`` or ``float32``; positions, velocities and all sums stay in
         double precision. Single precision costs about half and errs by some 1e-5 of the motion.
     threads : CPU threads; all when left out.

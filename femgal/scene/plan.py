@@ -237,8 +237,9 @@ def _chebyshev(scene: Scene, passes: float) -> Stage:
 
 def _kept_blocks(scene: Scene) -> Stage:
     keeps = scene.solver.blocks == "auto"
-    note = "gradients alone while old blocks change next to nothing: fewer values, same passes" if keeps else "fresh"
-    return Stage("kept blocks", "substep", keeps, note)
+    note = "at most; gradients alone while old blocks change next to nothing" if keeps else "made at every smoothing"
+    # A refresh is followed by one gradient that judges it; where blocks are kept at all, for two substeps or more.
+    return Stage("kept blocks", "substep", keeps, note, passes=0.5 if keeps else 0.0)
 
 
 def _has_free_parts(disc: Discretisation) -> bool:
@@ -277,7 +278,7 @@ def _unneeded_layer(scene: Scene, n_free: int, hierarchy: Hierarchy) -> Stage:
 def _frame_stages(scene: Scene, disc: Discretisation, explicit: bool, moving: bool) -> list[Stage]:
     output = scene.output
     follow = explicit and scene.solver.substeps is None
-    check = follow and not moving
+    check = (follow or not explicit) and not moving
     residual_note = "an explicit method has no residual" if explicit else "eps18 and its field"
     stages = [
         Stage(
@@ -294,7 +295,7 @@ def _frame_stages(scene: Scene, disc: Discretisation, explicit: bool, moving: bo
             "energy check",
             "frame",
             check,
-            "a frame whose energy grows is taken again" if check else "implicit, driven, or substeps given",
+            "a frame whose energy grows is taken again" if check else "driven, or substeps given",
         ),
         Stage("energies", "frame", True, "energies and smallest J", 0, disc.n_tets, 1.0),
         Stage("residual", "frame", not explicit, residual_note, 0, disc.n_tets, 0.0 if explicit else 1.0),

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import Motion, MotionState, place
 
 Floats = NDArray[np.float64]
+
+# Share of the substeps of a frame taken again that the next frame begins with.
+CAUTION_KEPT = 0.8
 
 
 @dataclass(eq=False)
@@ -45,13 +49,27 @@ class BackwardEuler:
         place(self.motions, 0.0, x)
         return MotionState(0.0, x, v)
 
-    def begin_frame(self, state: MotionState, duration: float) -> tuple[MotionState, int]:
-        """The given number of substeps; the solver may prepare for their length."""
-        return self.solver.prepare(state, duration / self.substeps), self.substeps
+    def begin_frame(self, state: MotionState, duration: float, substeps: int | None = None) -> tuple[MotionState, int]:
+        """The given number of substeps, or more after a frame that had to be taken again.
+
+        The solver may prepare for their length.
+        """
+        if substeps is None:
+            taken = int(state.memory.get("substeps", (0,))[0])
+            substeps = max(self.substeps, math.ceil(CAUTION_KEPT * taken))
+        return self.solver.prepare(state, duration / substeps), substeps
 
     def end_frame(self, state: MotionState, duration: float, substeps: int) -> tuple[MotionState, int | None]:
-        """Nothing to check: an implicit step has no stability limit."""
-        return state, None
+        """Ask for more substeps when the motion was lost, and remember those that were needed.
+
+        Solved well enough an implicit step has no stability limit; few sweeps with fixed step lengths have one.
+        """
+        if not np.isfinite(state.x).all():
+            return state, 2 * substeps
+        memory = {name: array for name, array in state.memory.items() if name != "substeps"}
+        if substeps > self.substeps:
+            memory["substeps"] = np.array([substeps])
+        return replace(state, memory=memory), None
 
     def step(self, state: MotionState, h: float) -> MotionState:
         """Minimise the incremental potential of one step."""

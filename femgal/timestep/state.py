@@ -55,8 +55,11 @@ class TimeStepper(Protocol):
     def init(self, x0: Floats, v0: Floats) -> MotionState:
         """State at time zero."""
 
-    def begin_frame(self, state: MotionState, duration: float) -> tuple[MotionState, int]:
-        """Number of substeps that the method takes over the next frame of `duration` seconds."""
+    def begin_frame(self, state: MotionState, duration: float, substeps: int | None = None) -> tuple[MotionState, int]:
+        """Number of substeps that the method takes over the next frame of `duration` seconds.
+
+        With `substeps`, as many as an earlier attempt at this frame has asked for.
+        """
 
     def step(self, state: MotionState, h: float) -> MotionState:
         """State one step of h seconds later."""

@@ -75,14 +75,14 @@ class VelocityVerlet:
             }
         return MotionState(0.0, x, v, memory)
 
-    def begin_frame(self, state: MotionState, duration: float) -> tuple[MotionState, int]:
+    def begin_frame(self, state: MotionState, duration: float, substeps: int | None = None) -> tuple[MotionState, int]:
         """Substeps of at most `safety` times the stable step.
 
         The stiffer of the rest state and the present one counts: a body on its way back to rest must not be met by
         the step of its soft state.
         """
-        if self.substeps is not None:
-            return state, self.substeps
+        if substeps is not None or self.substeps is not None:
+            return state, substeps or self.substeps or 1
         return state, self._planned(state, duration, float(state.memory["caution"][0]))
 
     def _planned(self, state: MotionState, duration: float, caution: float) -> int:

@@ -9,6 +9,7 @@
 5. A coarse layer that the mesh is too small for is not built even when asked for.
 6. The passes that the plan names are those that the run log counts, for every solver and kind of step.
 7. Fields that a scene cannot have are refused with what is allowed.
+8. The cycle that the plan shows is the one that a substep makes, and the extrapolation says what it is bound by.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import pytest
 
 from femgal.scene.load import parse_scene
 from femgal.simulation import Simulation
+from femgal.solvers.fas import FAS
 from meshes.errors import InputError
 
 BEAM = """
@@ -46,9 +48,9 @@ HELD = "[[constraints]]\nwhere = {halfspace = {point = [0, 0, 0.01], normal = [0
 PULLED = HELD + "path = {times = [0.0, 1.0], offsets = [[0, 0, 0], [0, 0, 0.1]]}\n"
 
 
-def scene(top="", constraint="", solver="fas", fields='"displacement"', steps="exact"):
+def scene(top="", constraint="", solver="fas", fields='"displacement"', steps="exact", blocks="auto"):
     text = BEAM.format(top=top, constraint=constraint, solver=solver, fields=fields)
-    return parse_scene(text, "small.toml", overrides={"solver.steps": steps})
+    return parse_scene(text, "small.toml", overrides={"solver.steps": steps, "solver.blocks": blocks})
 
 
 def skipped(plan):
@@ -134,7 +136,7 @@ def test_skipped_stages_are_never_called(monkeypatch, target, needs):
 
 
 def test_interior_elements_and_passes_add_up():
-    simulation = Simulation.prepare(scene(steps="spectral"))
+    simulation = Simulation.prepare(scene(steps="spectral", blocks="fresh"))
     plan, layers = simulation.plan, simulation.hierarchy.layers
     assert len(layers) >= 2
     for number, layer in enumerate(layers[1:], start=1):
@@ -153,6 +155,11 @@ def test_interior_elements_and_passes_add_up():
         ("fas", 'steps = "exact"'),
         ("fas", 'steps = "exact"\niterations = 3'),
         ("fas", "tolerance = 1e-16\niterations = 2"),
+        ("fas", 'steps = "backtracking"\ncycle = "V"\niterations = 2'),
+        ("fas", 'steps = "spectral"\ncycle = "W"\npost = 2'),
+        ("fas", 'cycle = "F"\nlayers = 0'),
+        ("fas", 'steps = "exact"\niterations = 3\nchebyshev = "auto"'),
+        ("jacobi", 'steps = "spectral"\niterations = 3\nchebyshev = 0.8'),
         ("jacobi", 'steps = "exact"'),
         ("scalar-jacobi", "iterations = 2"),
         ("verlet", ""),
@@ -161,7 +168,7 @@ def test_interior_elements_and_passes_add_up():
 @pytest.mark.parametrize("constraint", ["", HELD, PULLED])
 def test_planned_passes_are_those_that_are_made(solver, lines, constraint):
     text = BEAM.format(top="", constraint=constraint, solver=solver, fields="").replace(
-        "ratio = 8", f"ratio = 8\n{lines}"
+        "ratio = 8", f'ratio = 8\nblocks = "fresh"\n{lines}'
     )
     if solver == "verlet":
         text = text.replace("substeps = 4\n", "")
@@ -177,6 +184,61 @@ def test_planned_passes_are_those_that_are_made(solver, lines, constraint):
         assert row["passes"] > planned
     else:
         assert row["passes"] == pytest.approx(planned, rel=1e-12)
+
+
+@pytest.mark.parametrize("steps", ["spectral", "exact"])
+def test_kept_blocks_cost_no_more_than_planned(steps):
+    text = BEAM.format(top="", constraint=HELD, solver="fas", fields="")
+    made = {}
+    for blocks in ("fresh", "auto"):
+        lines = f'ratio = 8\nsteps = "{steps}"\nblocks = "{blocks}"'
+        simulation = Simulation.prepare(parse_scene(text.replace("ratio = 8", lines), "small.toml"))
+        row = list(simulation.frames())[1].row
+        made[blocks] = row["passes"]
+        assert row["passes"] <= 4 * simulation.plan.passes_per_substep + simulation.plan.passes_per_frame + 1e-9
+    assert made["fresh"] < made["auto"] <= made["fresh"] + 0.5 * 4 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("lines", "layers"),
+    [
+        ("", "coarse-to-fine(1), layers 2 1 0"),
+        ('cycle = "V"', "V(1, 1), layers 0 1 2 1 0"),
+        ('cycle = "W"\npre = 0\npost = 2', "W(0, 2), layers 2 2 1 1 2 2 1 1 0 0"),
+        ('cycle = "F"\nlayers = 0', "F(1, 1), layers 0"),
+    ],
+)
+def test_the_cycle_is_shown_and_made(monkeypatch, lines, layers):
+    text = BEAM.format(top="", constraint=HELD, solver="fas", fields="").replace("ratio = 8", f"ratio = 8\n{lines}")
+    simulation = Simulation.prepare(parse_scene(text, "small.toml"))
+    assert next(stage for stage in simulation.plan.stages if stage.name == "cycle").note == layers
+    made = []
+    smooth_layer = FAS.smooth_layer
+
+    def noted(self, potential, x, number):
+        made.append(number)
+        return smooth_layer(self, potential, x, number)
+
+    monkeypatch.setattr(FAS, "smooth_layer", noted)
+    next(simulation.frames())
+    made.clear()
+    simulation.compile()
+    assert [f"{number}" for number in made] == layers.split("layers ")[1].split()
+
+
+def test_chebyshev_says_what_it_does():
+    def note(lines):
+        text = BEAM.format(top="", constraint=HELD, solver="jacobi", fields="").replace("ratio = 8", lines)
+        plan = Simulation.prepare(parse_scene(text, "small.toml")).plan
+        assert plan.runs("spectral radius") == ('"auto"' in lines and "spectral" in lines)
+        return next(stage for stage in plan.stages if stage.name == "Chebyshev").note
+
+    assert note("") == "no extrapolation of the iterates"
+    assert note('iterations = 2\nchebyshev = "auto"') == "extrapolated as far as the energy falls"
+    assert note("iterations = 2\nchebyshev = 0.9").endswith(", at most as for rho = 0.9")
+    assert note('iterations = 2\nsteps = "spectral"\nchebyshev = "auto"') == "rho estimated, at most 0.707"
+    assert note('iterations = 9\nsteps = "spectral"\nchebyshev = 0.9') == "rho = 0.9"
+    assert "above 0.707" in note('iterations = 2\nsteps = "spectral"\nchebyshev = 0.9')
 
 
 def test_layers_beyond_the_mesh_are_left_out():

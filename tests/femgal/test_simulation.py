@@ -8,18 +8,25 @@
 5. With exact steps the energy never grows, however stiff, light, nearly incompressible or fast the body.
 6. The linear transfer solves a step of a stiff beam better than clusters do: with one cycle per step its motion is at
    most half as far from the converged one of the same steps.
-7. Every built-in scene runs, and stays within what physics allows it.
+7. A frame that runs away with fixed step lengths is taken again with more substeps, the log says so, and the energy
+   falls from frame to frame; a resumed run, which remembers the substeps, has the same bits.
+8. Where more substeps do not help the run fails with numbers, and keeps its good frames.
+9. Every built-in scene runs, and stays within what physics allows it.
 """
 
 from __future__ import annotations
+
+import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from femgal.runner import run
-from femgal.scene.load import load_scene
+from femgal.scene.load import load_scene, parse_scene
+from femgal.simulation import MOST_RETAKES
 from meshes.errors import InputError
-from tests.femgal.scenes import hanging_beam
+from tests.femgal.scenes import hanging_beam, hanging_beam_text
 
 
 @pytest.mark.parametrize(("tolerance", "missed"), [("1e-3", 0), ("1e-15", 10)])
@@ -39,6 +46,35 @@ def test_a_free_body_keeps_its_momentum(solver):
     np.testing.assert_allclose(v, [0.3, -0.2, 0.1], atol=1e-10)
     moved = mass @ (state.x - result.simulation.world.x0) / mass.sum()
     np.testing.assert_allclose(moved, np.array([0.3, -0.2, 0.1]) * 5 / 60, atol=1e-10)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("solver", ["fas", "jacobi"])
+def test_a_frame_that_runs_away_is_taken_again(tmp_path, solver, precision):
+    text = hanging_beam_text(frames=4, solver=solver, solver_lines=f'substeps = 10\nprecision = "{precision}"')
+    scene = parse_scene(text.replace("E = 1e5", "E = 1e7"), "beam.toml", overrides={"solver.steps": [1.2, 1.2]})
+    rows = run(scene, tmp_path / "whole").rows
+    assert rows[1]["retakes"] >= 1
+    assert rows[1]["substeps"] > 10
+    assert all(row["substeps"] > 10 for row in rows[1:])
+    energies = [row["total_energy"] for row in rows]
+    scale = rows[0]["kinetic_energy"]
+    assert all(later <= sooner + 0.01 * scale for sooner, later in pairwise(energies))
+    logged = json.loads((tmp_path / "whole" / "run.json").read_text())["frames"]
+    assert [row["retakes"] for row in logged] == [row["retakes"] for row in rows]
+
+    two = scene.model_copy(update={"frames": 2})
+    run(two, tmp_path / "cut")
+    resumed = run(scene, tmp_path / "cut", resume=True)
+    assert resumed.state.x.tobytes() == run(scene).state.x.tobytes()
+
+
+def test_a_run_that_no_number_of_substeps_saves():
+    overrides = {"solver.steps": [1.9, 1.9], "solver.substeps": 2, "solver.name": "jacobi", "bodies.0.E": 1e11}
+    result = run(parse_scene(hanging_beam_text(frames=3), "beam.toml", overrides=overrides))
+    assert result.status == "failed"
+    assert f"after {MOST_RETAKES} retakes" in str(result.failure)
+    assert len(result.rows) == 1
 
 
 @pytest.mark.parametrize(
