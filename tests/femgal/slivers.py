@@ -44,7 +44,7 @@ def stiffnesses(disc: Discretisation) -> tuple[Floats, Floats]:
 
 
 def largest_frequency(disc: Discretisation, K: Floats | None = None) -> float:
-    """Square root of the largest dense eigenvalue of M^-1 K at rest [1/s], of a stiffness assembled earlier if given."""
+    """Square root of the largest dense eigenvalue of M^-1 K at rest [1/s]; K where it has been assembled before."""
     K = stiffness_matrix(disc) if K is None else K
     last, mass = len(K) - 1, np.diag(np.repeat(disc.mass[disc.free], 3))
     return float(np.sqrt(scipy.linalg.eigh(K, mass, eigvals_only=True, subset_by_index=[last, last])[0]))

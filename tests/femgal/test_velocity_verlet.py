@@ -11,11 +11,14 @@
 8. Prescribed vertices are where they should be.
 9. A frame that stiffened beyond its steps is asked for again with more of them, a frame within them is accepted, and
    a frame that ran away, whether or not its numbers are still finite, is never accepted.
-10. The longitudinal vibration of a slender bar has the frequency sqrt(E / rho) / (4 L) of a bar, within 1%.
+10. A frame that took more steps than planned teaches care by what it needed beyond the stiffer of its two ends; care
+   fades, and never falls below the plan.
+11. The longitudinal vibration of a slender bar has the frequency sqrt(E / rho) / (4 L) of a bar, within 1%.
 """
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -191,6 +194,28 @@ def test_end_of_frame():
     assert wanted is not None
     assert substeps < duration / limit <= wanted <= 4 * substeps
     assert verlet(disc, substeps=3).end_frame(stretched, duration, 3)[1] is None
+
+
+def test_care_after_a_frame_taken_again():
+    disc, duration = uniform(MESH), 0.2
+    stepper = verlet(disc)
+    state, planned = stepper.begin_frame(stepper.init(X, 0.0 * X), duration)
+    stretched = MotionState(0.0, X * [2.5, 1.0, 1.0], 0.0 * X, state.memory)
+    needed = duration / stable_step(disc, stretched.x)[0] / stepper.safety
+    assert needed >= 1.5 * planned
+    # Whether the body ends stiffer or not, half as many steps again as the stiffer end asks for teach a care of 1.5.
+    for end, most in ((stretched, needed), (MotionState(0.0, X, 0.0 * X, state.memory), planned)):
+        after, wanted = stepper.end_frame(end, duration, math.ceil(1.5 * most))
+        assert wanted is None
+        assert float(after.memory["caution"][0]) == pytest.approx(1.5, rel=0.05)
+    cautions = []
+    for _ in range(60):
+        after, wanted = stepper.end_frame(after, duration, stepper.begin_frame(after, duration)[1])
+        assert wanted is None
+        cautions.append(float(after.memory["caution"][0]))
+    assert (np.diff(cautions) <= 0.0).all()
+    assert cautions[0] >= 1.4
+    assert cautions[-1] == 1.0
 
 
 # Some of these are finite but their Hessian is not, so that the frequency is NaN.
