@@ -8,7 +8,8 @@
 4. Interior elements of coarse layers are counted as skipped, and the passes per substep follow from the pairs.
 5. A coarse layer that the mesh is too small for is not built even when asked for.
 6. The passes that the plan names are those that the run log counts, for every solver and kind of step.
-7. Fields that a scene cannot have are refused with what is allowed.
+7. With the linear transfer the plan speaks of lattices, names no cluster, and its passes are those that are made.
+8. Fields that a scene cannot have are refused with what is allowed.
 8. The cycle that the plan shows is the one that a substep makes, and the extrapolation says what it is bound by.
 """
 
@@ -239,6 +240,22 @@ def test_chebyshev_says_what_it_does():
     assert note('iterations = 2\nsteps = "spectral"\nchebyshev = "auto"') == "rho estimated, at most 0.707"
     assert note('iterations = 9\nsteps = "spectral"\nchebyshev = 0.9') == "rho = 0.9"
     assert "above 0.707" in note('iterations = 2\nsteps = "spectral"\nchebyshev = 0.9')
+
+
+@pytest.mark.parametrize("constraint", ["", HELD])
+def test_linear_transfer(constraint):
+    text = BEAM.format(top="", constraint=constraint, solver="fas", fields='"cluster_1"')
+    simulation = Simulation.prepare(parse_scene(text.replace("ratio = 8", 'transfer = "linear"'), "small.toml"))
+    notes = {stage.name: stage.note for stage in simulation.plan.stages}
+    assert notes["hierarchy"] == "linear transfer, ratio 8, 3 layers"
+    assert notes["layer 1"].startswith("lattice of 0.")
+    assert notes["layer 3"].startswith("lattice twice as wide: ")
+    held_elements = 0 if not constraint else int((~simulation.disc.free[simulation.disc.mesh.cells].any(axis=1)).sum())
+    assert notes["interior of layer 1"] == f"{held_elements} elements without a free vertex contribute exactly zero"
+    assert not any("clusters" in note for note in notes.values())
+    row = list(simulation.frames())[1].row
+    planned = row["substeps"] * simulation.plan.passes_per_substep + simulation.plan.passes_per_frame
+    assert row["passes"] == pytest.approx(planned, rel=1e-12)
 
 
 def test_layers_beyond_the_mesh_are_left_out():
