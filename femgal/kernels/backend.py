@@ -72,8 +72,11 @@ class Backend(Protocol):
     def gradient(self, x: Floats) -> Floats:
         """Gradient of the elastic energy at the free vertices [N], shape [n, 3], zero at constrained ones."""
 
-    def hessian_product(self, x: Floats, d: Floats) -> Floats:
-        """Exact elastic Hessian at x times d at the free vertices [N], shape [n, 3], zero at constrained ones."""
+    def hessian_product(self, x: Floats, d: Floats, *, definite: bool = False) -> Floats:
+        """Elastic Hessian at x times d at the free vertices [N], shape [n, 3], zero at constrained ones.
+
+        With `definite` the Hessian of every element is replaced by its positive semi-definite part (Smith et al. 2019).
+        """
 
     def nodal_gradient(self, layer: Layer, x: Floats, xhat: Floats, inverse_h2: float) -> Floats:
         """P^T grad phi [N] of phi = |x - xhat|^2_M inverse_h2 / 2 + E, shape [k, 3]."""

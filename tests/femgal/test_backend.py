@@ -4,6 +4,7 @@
 1. Gradient at the free vertices equals the assembled one; at constrained vertices it is exactly zero.
 2. The same where elements have no free vertex, so that the finest layer does not list every element.
 3. Hessian products equal the assembled matrix times a vector, in the cases of 1 and 2.
+   The definite product is that of the element matrices with their negative eigenvalues left out.
 4. Elastic energies sum to the assembled one; J of an affine map is its determinant.
 5. Patch test: an affine map of the whole mesh leaves no force at inner vertices, inverted maps included.
 6. Forces of a free body sum to zero, and so do their moments about the origin.
@@ -55,6 +56,29 @@ def test_hessian_product_equals_assembled(constrained, state):
         Hd = backend.hessian_product(x, d)
         assert np.linalg.norm((Hd - expected)[disc.free]) <= 1e-13 * np.linalg.norm(expected)
         assert (Hd[~disc.free] == 0.0).all()
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_definite_hessian_product(state):
+    mesh = distorted_box((3, 2, 2))
+    disc, x, d = varied(mesh), positions(mesh, state), rng(110).standard_normal(mesh.points.shape)
+    expected = np.zeros_like(d)
+    for e, four in enumerate(mesh.cells):
+        alone = TetMesh(mesh.points[four], np.array([[0, 1, 2, 3]]))
+        K = AssembledElasticity(alone, disc.mu[e], disc.lam[e]).hessian(x[four]).toarray()
+        # K = D A D^T with A the Hessian in terms of F: the filter acts on A.
+        B = disc.B[e].reshape(3, 3)
+        D = np.kron(np.vstack([-B.sum(axis=0), B]), np.eye(3))
+        A = np.linalg.pinv(D) @ K @ np.linalg.pinv(D).T
+        values, modes = np.linalg.eigh(0.5 * (A + A.T))
+        filtered = (modes * np.maximum(values, 0.0)) @ modes.T
+        expected[four] += (D @ (filtered @ (D.T @ d[four].ravel()))).reshape(4, 3)
+    backend = PlainBackend(disc, 1)
+    Hd, plain = backend.hessian_product(x, d, definite=True), backend.hessian_product(x, d)
+    assert np.linalg.norm(Hd - expected) <= 1e-9 * np.linalg.norm(expected)
+    assert (d * Hd).sum() >= (d * plain).sum() * (1.0 - 1e-12)
+    if state != "rest":
+        assert np.linalg.norm(Hd - plain) >= 1e-3 * np.linalg.norm(plain)
 
 
 @pytest.mark.parametrize("state", STATES)

@@ -64,11 +64,11 @@ class CpuBackend(NodeWork):
         self.passes.gradient += 1
         return self._at_free_vertices(self._vectors(self.vertices, (passes.vertex_forces, passes.pair_forces), x))
 
-    def hessian_product(self, x: Floats, d: Floats) -> Floats:
-        """Exact elastic Hessian at x times d at the free vertices [N], shape [n, 3], zero at constrained ones."""
+    def hessian_product(self, x: Floats, d: Floats, *, definite: bool = False) -> Floats:
+        """Elastic Hessian at x, or its definite part, times d at the free vertices [N], zero at constrained ones."""
         self.passes.hessian_product += 1
-        kernels = (passes.vertex_products, passes.pair_products)
-        return self._at_free_vertices(self._vectors(self.vertices, kernels, x, d))
+        finest = passes.vertex_definite_products if definite else passes.vertex_products
+        return self._at_free_vertices(self._vectors(self.vertices, (finest, passes.pair_products), x, d))
 
     def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float) -> Floats:
         """P^T (d2 phi)(x) d [N], shape [k, 3]."""

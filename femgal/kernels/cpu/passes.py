@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from femgal.kernels.cpu.simd import POINT, TERMS, VECTOR, W, gather_points, prefetch, scatter_terms, scatter_vectors
 from femgal.kernels.cpu.tiles import REST, TILES
 from femgal.materials.displacement_form import (
+    add_identity,
     energy_along,
     energy_and_volume,
     node_terms,
     stress_and_cofactor,
     stress_increment,
 )
+from femgal.materials.stable_neo_hookean import stress_increment_definite
 from femgal.materials.tensor import Tensor, Vector, apply, multiply
 from meshes.jit import kernel, scalar
 
@@ -164,6 +166,15 @@ def tile_products(points: Reals, direction: Reals, rest: Reals, forces: Reals) -
         B, mu, lam = _rest_gradients(rest, l), rest[9 * W + l], rest[10 * W + l]
         P = stress_increment(_gradient(points, l, B), _gradient(direction, l, B), mu, lam)
         _store_forces(forces, l, P, B)
+
+
+@scalar
+def tile_definite_products(points: Reals, direction: Reals, rest: Reals, forces: Reals) -> None:
+    """The same with the positive semi-definite part of each element's Hessian."""
+    for l in range(W):  # noqa: E741
+        B, mu, lam = _rest_gradients(rest, l), rest[9 * W + l], rest[10 * W + l]
+        F = add_identity(_gradient(points, l, B))
+        _store_forces(forces, l, stress_increment_definite(F, _gradient(direction, l, B), mu, lam), B)
 
 
 @scalar
@@ -311,6 +322,37 @@ def vertex_products(
             _gather_corners(tile, 0, corner, t, points)
             _gather_corners(turned, 0, corner, t, moves)
             tile_products(tile, turned, rest[t * REST * W : (t + 1) * REST * W], forces)
+            for k in range(4):
+                scatter_vectors(forces, 3 * k * W, corner, (4 * t + k) * W, sums)
+
+
+@kernel
+def vertex_definite_products(
+    start: int,
+    stop: int,
+    x: Floats,
+    X: Floats,
+    d: Floats,
+    vertex_ptr: Longs,
+    vertex: Ints,
+    corner: Shorts,
+    rest: Reals,
+    most: int,
+    out: Reals,
+) -> None:
+    """The same with the positive semi-definite part of each element's Hessian; a kernel of its own, as few need it."""
+    tile, turned, forces = np.empty(_POINTS, rest.dtype), np.empty(_POINTS, rest.dtype), np.empty(12 * W, rest.dtype)
+    points, moves = np.empty(POINT * most, rest.dtype), np.empty(POINT * most, rest.dtype)
+    for b in range(start, stop):
+        _load_displacements(x, X, vertex, vertex_ptr[b], vertex_ptr[b + 1] - vertex_ptr[b], points)
+        _load_direction(d, vertex, vertex_ptr[b], vertex_ptr[b + 1] - vertex_ptr[b], moves)
+        sums = out[VECTOR * vertex_ptr[b] : VECTOR * vertex_ptr[b + 1]]
+        _zero(sums, 0, len(sums))
+        for t in range(b * TILES, (b + 1) * TILES):
+            _expect(rest, corner, t + 1)
+            _gather_corners(tile, 0, corner, t, points)
+            _gather_corners(turned, 0, corner, t, moves)
+            tile_definite_products(tile, turned, rest[t * REST * W : (t + 1) * REST * W], forces)
             for k in range(4):
                 scatter_vectors(forces, 3 * k * W, corner, (4 * t + k) * W, sums)
 

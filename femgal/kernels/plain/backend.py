@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,10 +41,11 @@ class PlainBackend(NodeWork):
         self.passes.gradient += 1
         return self._at_free_vertices(self._stress_forces(self.vertices, x))
 
-    def hessian_product(self, x: Floats, d: Floats) -> Floats:
-        """Exact elastic Hessian at x times d at the free vertices [N], shape [n, 3], zero at constrained ones."""
+    def hessian_product(self, x: Floats, d: Floats, *, definite: bool = False) -> Floats:
+        """Elastic Hessian at x, or its definite part, times d at the free vertices [N], zero at constrained ones."""
         self.passes.hessian_product += 1
-        return self._at_free_vertices(self._products(self.vertices, x, d))
+        increments = elements.definite_stress_increments if definite else elements.stress_increments
+        return self._at_free_vertices(self._products(self.vertices, x, d, increments))
 
     def nodal_gradient(self, layer: Layer, x: Floats, xhat: Floats, inverse_h2: float) -> Floats:
         """P^T grad phi [N], shape [k, 3]."""
@@ -52,7 +55,7 @@ class PlainBackend(NodeWork):
     def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float) -> Floats:
         """P^T (d2 phi)(x) d [N], shape [k, 3]."""
         self.passes.hessian_product += self._pass_share(layer)
-        return self._add_inertia(layer, self._products(layer, x, d), d, inverse_h2)
+        return self._add_inertia(layer, self._products(layer, x, d, elements.stress_increments), d, inverse_h2)
 
     def gradient_and_blocks(self, layer: Layer, x: Floats, xhat: Floats, inverse_h2: float) -> tuple[Floats, Floats]:
         """Gradient and diagonal 3x3 blocks of phi at the nodes of a layer: shapes [k, 3] and [k, 6]."""
@@ -110,9 +113,9 @@ class PlainBackend(NodeWork):
         self.workers.run(elements.stresses, len(layer.active), x, *self._material, layer.active, P)
         return self._gather(layer, P)
 
-    def _products(self, layer: Layer, x: Floats, d: Floats) -> Floats:
+    def _products(self, layer: Layer, x: Floats, d: Floats, increments: Callable[..., None]) -> Floats:
         P = self._tensors[: len(layer.active)]
-        self.workers.run(elements.stress_increments, len(layer.active), x, d, *self._material, layer.active, P)
+        self.workers.run(increments, len(layer.active), x, d, *self._material, layer.active, P)
         return self._gather(layer, P)
 
     def _gather(self, layer: Layer, P: Floats) -> Floats:

@@ -11,7 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femgal.materials.stable_neo_hookean import energy_along, energy_density, stress, stress_increment
+from femgal.materials.stable_neo_hookean import (
+    energy_along,
+    energy_density,
+    stress,
+    stress_increment,
+    stress_increment_definite,
+)
 from femgal.materials.tensor import Tensor, cofactor, determinant, like, multiply
 from meshes.jit import kernel, scalar
 
@@ -94,6 +100,26 @@ def stress_increments(
         e = active[k]
         F = deformation_gradient(x, tets, B, e)
         store(P, k, stress_increment(F, deformation_gradient(d, tets, B, e), Vmu[e], Vlam[e]))
+
+
+@kernel
+def definite_stress_increments(
+    start: int,
+    stop: int,
+    x: Floats,
+    d: Floats,
+    tets: Ints,
+    B: Floats,
+    Vmu: Floats,
+    Vlam: Floats,
+    active: Ints,
+    P: Floats,
+) -> None:
+    """The same with the positive semi-definite part of the Hessian of each element."""
+    for k in range(start, stop):
+        e = active[k]
+        F = deformation_gradient(x, tets, B, e)
+        store(P, k, stress_increment_definite(F, deformation_gradient(d, tets, B, e), Vmu[e], Vlam[e]))
 
 
 @kernel
