@@ -147,9 +147,9 @@ class SolverSettings(Table):
         body or long the step), ``backtracking`` (1, 1/2, 1/4, ... of each correction until the energy falls: never
         grows either, at the cost of ``exact``), ``spectral`` (from power iteration at rest: half the cost of a substep,
         for soft bodies and short steps), ``lu2025`` (0.25 coarse, 0.5 fine), or [coarse, fine].
-    chebyshev : Extrapolate from iteration to iteration (Wang 2015) as for this spectral radius of one iteration; with
-        ``auto`` it is estimated, and with a line search the extrapolation goes as far as the energy falls. Needs
-        iterations >= 2; off when left out.
+    chebyshev : Extrapolate from iteration to iteration (Wang 2015): with ``auto`` to the minimum of the energy on the
+        way, or with the weights of this spectral radius of one iteration, 0 < rho < 1, which exact steps and
+        backtracking take as bounds. For stiff bodies, long steps and many iterations; off when left out.
     safety : ``verlet`` steps by this fraction of its stable step.
     mass_scaling : Largest share of its mass that a body may gain for ``verlet`` to take longer steps; the mass goes to
         the vertices of the elements that dictate the step, is heavy as well as inert, and is reported. Off when left

@@ -161,9 +161,6 @@ def _start_stages(
         spectral = scene.solver.steps == "spectral"
         note = "smoothing and stability bounds of each layer, by power iteration" if spectral else "not asked for"
         stages.append(Stage("spectral step lengths", "start", spectral, note))
-        estimated = scene.solver.chebyshev == "auto" and not _searches(scene)
-        note = "of one iteration at rest, by power iteration" if estimated else "not asked for"
-        stages.append(Stage("spectral radius", "start", estimated, note))
     return stages
 
 
@@ -221,18 +218,16 @@ def _line_search(scene: Scene, passes: float) -> Stage:
 
 
 def _chebyshev(scene: Scene, passes: float) -> Stage:
-    """One line beyond each iterate after the first where a line search says how far."""
+    """One line beyond each iterate after the first, where the minimum along it says how far."""
     rho, iterations = scene.solver.chebyshev, scene.solver.iterations
     if rho is None:
         return Stage("Chebyshev", "substep", False, "no extrapolation of the iterates")
-    if _searches(scene):
+    if rho == "auto" or _searches(scene):
         note = "extrapolated as far as the energy falls" + ("" if rho == "auto" else f", at most as for rho = {rho:g}")
         return Stage("Chebyshev", "substep", True, note, passes=(iterations - 1) * passes)
     bound = largest_stable_radius(iterations)
-    note = f"rho estimated, at most {bound:.3f}" if rho == "auto" else f"rho = {rho:g}"
-    if rho != "auto" and rho > bound:
-        note += f": above {bound:.3f} so few iterations may let stiff motions grow"
-    return Stage("Chebyshev", "substep", True, note)
+    risk = f": above {bound:.3f} so few iterations may let stiff motions grow" if rho > bound else ""
+    return Stage("Chebyshev", "substep", True, f"rho = {rho:g}{risk}")
 
 
 def _kept_blocks(scene: Scene) -> Stage:
