@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,7 +188,7 @@ def _march(at_nodes: NDArray[np.float64], nx: int, ny: int, nz: int, ends: NDArr
     centre_steps = (ny * nz, nz, 1)
     corners = (nx + 1) * (ny + 1) * (nz + 1)
     tet = np.empty(4, np.int64)
-    found = np.int64(0)  # a literal would be a second type of _cut_tetrahedron's argument, compiled apart
+    found: Any = np.int64(0)  # a literal would be a second type of _cut_tetrahedron's argument, compiled apart
     for i in range(nx):
         for j in range(ny):
             for k in range(nz):

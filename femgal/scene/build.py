@@ -115,10 +115,10 @@ def _build_part(body: Body, made: Any, key: str, source: str) -> _Part:
 
 
 def _make_mesh(body: Body, key: str, source: str) -> Any:
-    from meshes.make import make_tets
+    from meshes.store import make_or_find_tets
 
     try:
-        return make_tets(body.mesh, body.vertices)
+        return make_or_find_tets(body.mesh, body.vertices)
     except InputError as error:
         what = f"{error.what} ({error.where})" if error.where else error.what
         found, allowed = (None if value is None else str(value) for value in (error.found, error.allowed))
