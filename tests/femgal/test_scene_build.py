@@ -21,7 +21,7 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-import meshes.make
+import meshes.store
 from femgal.scene.build import build_world
 from femgal.scene.load import load_scene, parse_scene
 from femgal.scene.problems import SceneError
@@ -65,7 +65,7 @@ def calls(monkeypatch):
         mesh = TetMesh(mesh.points, mesh.cells, origin, np.arange(48) % 2)
         return SimpleNamespace(mesh=mesh, surface=None, report={"h": 0.5}, messages=["repaired"])
 
-    monkeypatch.setattr(meshes.make, "make_tets", make_tets)
+    monkeypatch.setattr(meshes.store, "make_or_find_tets", make_tets)
     return made
 
 
