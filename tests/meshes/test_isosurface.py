@@ -6,6 +6,7 @@
 2. A torus has genus 1; two spheres are two components; a kinked union is closed as well.
 3. Without smoothing the topology is the same; with it no triangle is thin.
 4. A function that leaves the box, has no zero, or asks for too fine a lattice is refused.
+5. The number of triangles is known before they are made; zeros at lattice nodes leave no triangle without area.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 
 from meshes.errors import MeshError
-from meshes.isosurface import isosurface
+from meshes.isosurface import isosurface, sampled
 from meshes.types import TriMesh
 
 BOX = ((-1.1, -1.1, -1.1), (1.1, 1.1, 1.1))
@@ -100,3 +101,20 @@ def test_refusals():
         isosurface(lambda p: np.ones(len(p)), *BOX, 0.2)
     with pytest.raises(MeshError, match="too fine"):
         isosurface(ball, *BOX, 1e-4)
+
+
+@pytest.mark.parametrize("shape", [torus, two, kinked])
+def test_number_of_triangles_is_known(shape):
+    found = sampled(shape, *BOX, 0.1)
+    assert found.triangles == len(found.surface(smoothing=0).cells) == len(isosurface(shape, *BOX, 0.1).cells)
+
+
+def test_zeros_at_nodes():
+    # Just negative inside a box: the zero of every cut edge is at its inner node, and many edges meet there.
+    slab = isosurface(
+        lambda p: np.maximum(np.abs(p) - [0.6, 0.5, 0.4], 0.0).max(axis=1) - 1e-300, *BOX, 0.1, smoothing=0
+    )
+    assert euler(slab) == 2
+    corners = slab.points[slab.cells]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.linalg.norm(normals, axis=1).min() > 0.0

@@ -4,6 +4,7 @@
 1. The digest changes with the text or name of any file beside a compiled function, and with nothing else.
 2. A kernel whose constant is changed in another file is compiled anew: the next process returns the new value.
 3. An unchanged kernel is compiled once: the next process only reads the cache.
+4. Compiling a kernel does not import SciPy's linear algebra; a kernel that needs a BLAS still finds it.
 """
 
 from __future__ import annotations
@@ -64,3 +65,16 @@ def test_changed_constant_is_compiled_anew(package):
     assert call(package) == [11, 0, 1]
     (package / "inner" / "constants.py").write_text("N = 13\n")
     assert call(package) == [13, 1, 0]
+
+
+def test_blas_is_looked_for_only_where_it_is_needed():
+    script = (
+        "import sys, numba, numpy as np\n"
+        "from meshes.ordering import morton_order\n"
+        "morton_order(np.eye(3))\n"
+        "print('scipy.linalg' in sys.modules)\n"
+        "product = numba.njit(lambda a, b: np.dot(a, b))\n"
+        "print(product(np.eye(2), np.ones((2, 2))).sum(), 'scipy.linalg' in sys.modules)\n"
+    )
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.split() == ["False", "4.0", "True"]

@@ -8,6 +8,7 @@
 4. A mesh format that holds only triangles counts as a surface.
 5. Open surfaces, unknown names and impossible counts are refused; thin features are warned about.
 6. The same call gives the same bytes.
+7. The distance from the boundary to the surface is that of the finished mesh; grids have none.
 """
 
 from __future__ import annotations
@@ -136,3 +137,12 @@ def test_result_is_reproducible_and_logged(caplog):
     assert first.mesh.content_hash == second.mesh.content_hash
     counts = f"{len(first.mesh.points)} vertices, {len(first.mesh.cells)} tetrahedra"
     assert f"mesh rabbit: {counts} from procedural" in caplog.messages
+
+
+def test_distance():
+    made = make_tets("rabbit", 2000)
+    distance = made.distance()
+    assert distance.maximum < 0.5 * made.report["spacing"]
+    finer = make_tets("rabbit", 8000).distance()
+    assert finer.mean < 0.5 * distance.mean
+    assert make_tets("cube", 100).distance() is None
