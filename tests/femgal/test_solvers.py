@@ -5,17 +5,15 @@
 2. Iterating converges to the minimiser: error below 1e-8 of the distance from the prediction to it.
 3. On nearly quadratic energies one FAS pass is the product of the dense corrections I - w P D^-1 P^T A, coarse to
    fine; Jacobi and scalar Jacobi are the finest factor alone.
-4. Exact steps never raise phi, from inverted and stretched states at long steps too; spectral steps lower it near rest.
-5. first_minimum finds the smallest positive stationary point, of corrections at the size of rounding too.
-6. Budget: converged, out of iterations, diverged; a tolerance that the prediction meets costs no iteration.
-7. Step lengths are estimated once, and anew when the step of the motion changes.
-8. The corrections reported are the largest moves of each layer, finest first.
-9. The reference itself ends at a minimum, with a positive definite Hessian, from where the Hessian is indefinite too.
+4. Line searches never raise phi, from inverted and stretched states at long steps too; spectral steps lower it near
+   rest.
+5. Budget: converged, out of iterations, diverged; a tolerance that the prediction meets costs no iteration.
+6. Step lengths are estimated once, and anew when the step of the motion changes.
+7. The corrections reported are the largest moves of each layer, finest first.
+8. The reference itself ends at a minimum, with a positive definite Hessian, from where the Hessian is indefinite too.
 """
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 import pytest
@@ -24,7 +22,6 @@ from femgal.hierarchy.hierarchy import build_constant_hierarchy
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.solvers.fas import FAS
 from femgal.solvers.jacobi import Jacobi, ScalarJacobi
-from femgal.solvers.line_search import first_minimum
 from femgal.solvers.smoother import LU2025_STEPS
 from femgal.solvers.solver import Budget, Outcome, SolverState, minimise
 from femgal.timestep.potential import IncrementalPotential, eps18
@@ -39,7 +36,7 @@ X = MESH.points
 DISC = uniform(MESH, left_end(MESH))
 LAYERS = build_constant_hierarchy(DISC, 4).layers
 SOLVERS = {"fas": FAS, "jacobi": Jacobi, "scalar-jacobi": ScalarJacobi}
-RULES = ("spectral", "exact", LU2025_STEPS)
+RULES = ("spectral", "exact", "backtracking", LU2025_STEPS)
 
 
 def potential(xhat: np.ndarray, h: float, x_n: np.ndarray | None = None) -> IncrementalPotential:
@@ -133,14 +130,15 @@ def test_quadratic_limit(name, rule):
     assert np.linalg.norm(expected - d) >= 0.1 * np.linalg.norm(d)
 
 
+@pytest.mark.parametrize("rule", ["exact", "backtracking"])
 @pytest.mark.parametrize("h", [1e-3, 0.1])
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("name", SOLVERS)
-def test_exact_steps_never_climb(name, state, h):
+def test_line_searches_never_climb(name, state, h, rule):
     x_n = np.where(DISC.free[:, None], positions(MESH, state), X)
     xhat = np.where(DISC.free[:, None], x_n + 0.05 * rng(112).standard_normal(X.shape), X)
     phi = potential(xhat, h, x_n)
-    solver, memory = ready(name, phi, "exact")
+    solver, memory = ready(name, phi, rule)
     now = solver.init(phi, memory)
     values = [phi.value(x_n), phi.value(now.x)]
     for _ in range(5):
@@ -159,22 +157,6 @@ def test_spectral_steps_lower_the_potential_near_rest(name):
         state = solver.step(PHI, state)
         values.append(PHI.value(state.x))
     assert (np.diff(values) < 0.0).all()
-
-
-def test_first_minimum():
-    # (t - 1)(t - 2) as slope: the minimum of -(...) is at 1 only when the slope at 0 is negative.
-    assert first_minimum(np.array([-2.0, 1.5, -1.0 / 3.0, 0, 0, 0])) == pytest.approx(1.0, rel=1e-12)
-    assert first_minimum(np.array([-2.0, 1.0, 0, 0, 0, 0])) == pytest.approx(1.0, rel=1e-14)
-    assert first_minimum(np.array([1.0, 1.0, 0, 0, 0, 0])) == 0.0
-    assert first_minimum(np.zeros(6)) == 0.0
-    assert math.isnan(first_minimum(np.array([-1.0, np.inf, 0, 0, 0, 0])))
-
-
-@pytest.mark.parametrize("scale", [1e-3, 1e-6, 1e-9, 1e-12])
-def test_first_minimum_of_small_corrections(scale):
-    # Coefficients of a correction of relative size s go as s, s^2 (times the gradient's own s), s^3, ...
-    c = np.array([-1.3, 1.0, 0.7, -0.4, 0.2, 0.1]) * [scale**2, *(scale ** np.arange(2, 7))]
-    assert first_minimum(c) == pytest.approx(0.65, rel=10.0 * scale + 1e-9)
 
 
 def test_budget():
