@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,6 +65,55 @@ def kernels(
     _show(report, json_path, out)
 
 
+@command.command()
+@click.argument("scene", required=False)
+@click.option("--vertices", type=click.IntRange(min=8), help="Vertices of every body.")
+@click.option("--frames", type=click.IntRange(min=1), help="Number of frames.")
+@click.option("--substeps", metavar="N,N", default="50", show_default=True, help="Time steps per frame of each row.")
+@click.option("--steps", metavar="S,S", default="exact", show_default=True, help="exact, spectral, lu2025 ...")
+@click.option("--precision", metavar="P,P", default="float64", show_default=True, help="float32, float64.")
+@click.option("--ratio", metavar="N,N", default="32", show_default=True, help="Ratios, or linear.")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Any key: --set bodies.0.E=1e7")
+@click.option("--reference-safety", type=click.FloatRange(0.01, 0.5), default=0.45, show_default=True)
+@click.option("--work", type=click.Path(path_type=Path), required=True, help="Folder of the runs; resumes from it.")
+@click.option("--json", "json_path", metavar="PATH", help="Write all numbers to PATH; - prints them and nothing else.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
+def motion(
+    scene: str | None,
+    vertices: int | None,
+    frames: int | None,
+    substeps: str,
+    steps: str,
+    precision: str,
+    ratio: str,
+    settings: tuple[str, ...],
+    reference_safety: float,
+    work: Path,
+    json_path: str | None,
+    force: bool,
+) -> None:
+    """Run a scene with many settings: error against a Verlet reference, time and memory of each.
+
+    Every combination of the lists is a row, beside Verlet. Runs are kept in --work: an interrupted study goes on.
+    """
+    out = _target(json_path, force)
+    from femgal.commands.options import scene_from_options
+    from verify.benchmark.motion import candidates, study
+    from verify.benchmark.motion_table import notes, table
+
+    base = scene_from_options(scene, vertices, frames, settings)
+    transfers = [("linear", 8) if part == "linear" else ("constant", _numbers(part)[0]) for part in _words(ratio)]
+    rows = candidates(_numbers(substeps), _words(steps), _words(precision), transfers)
+    result = study(
+        base, rows, work, reference_safety=reference_safety, announce=lambda text: click.echo(f"{text} ...", err=True)
+    )
+    _deliver(result, [table(result)], notes(result), json_path, out)
+
+
+def _words(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",")]
+
+
 def _target(json_path: str | None, force: bool) -> Path | None:
     """The file to write, checked before anything is measured; None for none."""
     if json_path in (None, "-"):
@@ -90,31 +140,39 @@ def _numbers(text: str) -> tuple[int, ...]:
 
 
 def _show(report: KernelReport, json_path: str | None, out: Path | None) -> None:
+    from verify.benchmark.kernel_tables import notes, preamble, tables
+
+    _deliver(report.as_dict(), tables(report), notes(report), json_path, out, preamble(report))
+
+
+def _deliver(
+    result: dict[str, Any],
+    tables: Sequence[TextTable],
+    notes: Iterable[str],
+    json_path: str | None,
+    out: Path | None,
+    preamble: Iterable[str] = (),
+) -> None:
+    """Print tables and notes, or JSON alone, and write the file that was asked for."""
     import json
 
-    text = json.dumps(report.as_dict(), indent=1)
+    text = json.dumps(result, indent=1)
     if json_path == "-":
         click.echo(text)
         return
-    _print(report)
-    if out is not None:
-        out.write_text(text + "\n", encoding="utf-8")
-        click.echo(f"wrote {out}")
-
-
-def _print(report: KernelReport) -> None:
     from rich.console import Console
-
-    from verify.benchmark.kernel_tables import notes, preamble, tables
 
     # No figure is cut off where the terminal is narrow: its lines wrap.
     console = Console(width=160, highlight=False)
-    for line in preamble(report):
+    for line in preamble:
         console.print(line, soft_wrap=True, markup=False)
-    for table in tables(report):
+    for table in tables:
         console.print(_drawn(table))
-    for line in notes(report):
+    for line in notes:
         console.print(line, soft_wrap=True, markup=False)
+    if out is not None:
+        out.write_text(text + "\n", encoding="utf-8")
+        click.echo(f"wrote {out}")
 
 
 def _drawn(table: TextTable) -> Any:

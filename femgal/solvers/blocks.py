@@ -128,3 +128,10 @@ class KeptBlocks:
 def forget(memory: dict[str, NDArray]) -> dict[str, NDArray]:
     """The memory without blocks: they belong to one length of the step."""
     return {name: array for name, array in memory.items() if name != _SCHEDULE and not name.startswith(_BLOCKS)}
+
+
+def with_blocks_to_use(memory: dict[str, NDArray]) -> dict[str, NDArray] | None:
+    """The memory of a step that uses the blocks which are there; None where there are none."""
+    if not any(name.startswith(_BLOCKS) for name in memory):
+        return None
+    return memory | {_SCHEDULE: np.array([1, 2])}

@@ -109,7 +109,7 @@ def test_skipped_stages_compile_nothing():
 
 def test_needed_stages_are_compiled():
     text = BEAM.format(top="", constraint="", solver="fas", fields='"displacement", "von_mises"')
-    counts = compiled(text.replace("ratio = 8", 'ratio = 8\nsteps = "spectral"'))
+    counts = compiled(text.replace("ratio = 8", 'ratio = 8\nsteps = "spectral"\nblocks = "fresh"'))
     assert {name for name, n in counts.items() if n == 0} == {"pair_forces"}
 
 
