@@ -131,6 +131,12 @@ class Backend(Protocol):
     def add_scaled(self, x: Floats, t: float, d: Floats) -> None:
         """x += t d in place."""
 
+    def difference(self, x: Floats, y: Floats, scale: float = 1.0) -> Floats:
+        """scale (x - y), shape [n, 3]."""
+
+    def predict(self, x: Floats, v: Floats, h: float, gravity: Floats, inertia: float = 1.0) -> Floats:
+        """x + (h v + h^2 g) / inertia [m], shape [n, 3]: where inertia and gravity take the vertices in h seconds."""
+
     def dot(self, a: Floats, b: Floats) -> float:
         """Sum of a * b over arrays of shape [k, 3]."""
 

@@ -158,7 +158,7 @@ class Relaxation(ABC):
         self._kept = KeptBlocks.remembered(memory, self.search is None) if self.keep_blocks else None
         if self.search is None or potential.x_n is None:
             return SolverState(potential.xhat.copy())
-        x, d = potential.x_n.copy(), potential.xhat - potential.x_n
+        x, d = potential.x_n.copy(), self.backend.difference(potential.xhat, potential.x_n)
         self.backend.add_scaled(x, self.search(potential.along(self.backend.vertices, x, d)), d)
         return SolverState(x)
 

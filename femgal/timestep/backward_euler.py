@@ -76,18 +76,16 @@ class BackwardEuler:
         potential = self.potential(state, h)
         result = minimise(self.solver, potential, state.memory)
         self._last = potential
-        v = (result.x - state.x) / h
+        v = self.backend.difference(result.x, state.x, 1.0 / h)
         converged = None if result.outcome is Outcome.ITERATIONS else result.outcome is Outcome.CONVERGED
         memory = state.memory if result.memory is None else result.memory
         return MotionState(state.time + h, result.x, v, memory, result.corrections, converged)
 
     def potential(self, state: MotionState, h: float) -> IncrementalPotential:
         """The incremental potential of the step that follows a state."""
-        xhat = state.x + h * state.v + h * h * self.gravity
-        inertia = 1.0
-        if self.damping > 0.0:
-            inertia = 1.0 + self.damping * h
-            xhat = (xhat + self.damping * h * state.x) / inertia
+        # Completing the square in x of the damping (see IncrementalPotential) leaves (xhat + alpha h x_n) / inertia.
+        inertia = 1.0 + self.damping * h
+        xhat = self.backend.predict(state.x, state.v, h, self.gravity, inertia)
         x_n = state.x
         if self.motions:
             place(self.motions, state.time + h, xhat)

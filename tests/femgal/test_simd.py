@@ -4,26 +4,32 @@
 1. Gathered rows are the coordinates of the indexed points, bit for bit, in both precisions and at any offset.
 2. Scattered sums equal additions one lane after the other, bit for bit, where several lanes share a node too.
 3. Values beside the ones named are left alone: unused places of a node, rows of the tile before and after.
-4. Asking for data past the end of an array is harmless.
+4. Between flush_tiny and restore products below the normal range are zero on x86, and numbers again afterwards.
+5. Asking for data past the end of an array is harmless.
 """
 
 from __future__ import annotations
 
+import platform
+
 import numpy as np
 import pytest
 
+from femgal.kernels.cpu.backend import CpuBackend
 from femgal.kernels.cpu.simd import (
     POINT,
     TERMS,
     VECTOR,
     W,
+    flush_tiny,
     gather_points,
     prefetch,
+    restore,
     scatter_terms,
     scatter_vectors,
 )
 from meshes.jit import kernel
-from tests.femgal.problems import rng
+from tests.femgal.problems import distorted_box, rng, uniform
 
 PRECISIONS = ("float32", "float64")
 
@@ -41,6 +47,20 @@ def vectors(tile, at, index, from_, sums):
 @kernel
 def terms(tile, at, index, from_, sums):
     scatter_terms(tile, at, index, from_, sums)
+
+
+@kernel
+def multiply_flushed(a, b, out):
+    before = flush_tiny()
+    for i in range(len(a)):
+        out[i] = a[i] * b[i]
+    restore(before)
+
+
+@kernel
+def multiply(a, b, out):
+    for i in range(len(a)):
+        out[i] = a[i] * b[i]
 
 
 @kernel
@@ -82,3 +102,35 @@ def test_prefetch_past_the_end(precision):
     for at in (0, 2, 3, 10**6, 10**12):
         touch(array, at)
     assert (array == 1.0).all()
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64", "i686"), reason="other processors are left alone")
+def test_tiny_numbers():
+    a, b = np.full(50, 1e-30, np.float32), np.full(50, 1e-10, np.float32)
+    out = np.ones(50, np.float32)
+    multiply(a, b, out)
+    assert (out > 0.0).all()
+    multiply_flushed(a, b, out)
+    assert (out == 0.0).all()
+    multiply_flushed(a, a[::-1].copy() * np.float32(1e25), out)
+    np.testing.assert_allclose(out, 1e-35, rtol=1e-6)
+    # Restored, for this thread's other work.
+    multiply(a, b, out)
+    assert (out > 0.0).all()
+    assert (a * b > 0.0).all()
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_passes_restore(precision):
+    disc = uniform(distorted_box((3, 2, 2)))
+    x = disc.mesh.points
+    backend = CpuBackend(disc, 1, precision=precision)
+    for call in (
+        lambda: backend.gradient(x),
+        lambda: backend.hessian_product(x, x),
+        lambda: backend.correction(backend.vertices, x, x, 1.0),
+        lambda: backend.energies(x),
+        lambda: backend.energies_along(backend.vertices, x, x),
+    ):
+        call()
+        assert np.float32(1e-30) * np.float32(1e-10) > 0.0

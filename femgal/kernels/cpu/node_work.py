@@ -72,6 +72,18 @@ class NodeWork:
         """x += t d in place."""
         self.workers.run(nodes.add_scaled, len(x), x, t, d)
 
+    def difference(self, x: Floats, y: Floats, scale: float = 1.0) -> Floats:
+        """scale (x - y), shape [n, 3]."""
+        out = np.empty_like(x)
+        self.workers.run(nodes.difference, len(x), scale, x, y, out)
+        return out
+
+    def predict(self, x: Floats, v: Floats, h: float, gravity: Floats, inertia: float = 1.0) -> Floats:
+        """x + (h v + h^2 g) / inertia [m], shape [n, 3]."""
+        xhat = np.empty_like(x)
+        self.workers.run(nodes.predict, len(x), x, v, h, gravity, inertia, xhat)
+        return xhat
+
     def dot(self, a: Floats, b: Floats) -> float:
         """Sum of a * b over arrays of shape [k, 3]."""
         partial = np.empty(-(-len(a) // nodes.CHUNK))

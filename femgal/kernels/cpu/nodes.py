@@ -150,6 +150,24 @@ def add_scaled(start: int, stop: int, x: Floats, t: float, d: Floats) -> None:
 
 
 @kernel
+def difference(start: int, stop: int, scale: float, x: Floats, y: Floats, out: Floats) -> None:
+    """out = scale (x - y)."""
+    for v in range(start, stop):
+        for a in range(3):
+            out[v, a] = scale * (x[v, a] - y[v, a])
+
+
+@kernel
+def predict(
+    start: int, stop: int, x: Floats, v: Floats, h: float, gravity: Floats, inertia: float, xhat: Floats
+) -> None:
+    """xhat = x + (h v + h^2 g) / inertia."""
+    for i in range(start, stop):
+        for a in range(3):
+            xhat[i, a] = x[i, a] + (h * v[i, a] + h * h * gravity[a]) / inertia
+
+
+@kernel
 def dot(start: int, stop: int, a: Floats, b: Floats, out: Floats) -> None:
     """out[c] = sum of a * b over chunk c."""
     for c in range(start, stop):

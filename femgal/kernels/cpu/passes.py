@@ -14,7 +14,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from femgal.kernels.cpu.simd import POINT, TERMS, VECTOR, W, gather_points, prefetch, scatter_terms, scatter_vectors
+from femgal.kernels.cpu.simd import (
+    POINT,
+    TERMS,
+    VECTOR,
+    W,
+    flush_tiny,
+    gather_points,
+    prefetch,
+    restore,
+    scatter_terms,
+    scatter_vectors,
+)
 from femgal.kernels.cpu.tiles import REST, TILES
 from femgal.materials.displacement_form import (
     add_identity,
@@ -255,6 +266,7 @@ def vertex_terms(
     """Gradient and diagonal block of every vertex of every block; a slot holds g and H."""
     tile, terms = np.empty(_POINTS, rest.dtype), np.empty(36 * W, rest.dtype)
     points = np.empty(POINT * most, rest.dtype)
+    before = flush_tiny()
     for b in range(start, stop):
         _load_displacements(x, X, vertex, vertex_ptr[b], vertex_ptr[b + 1] - vertex_ptr[b], points)
         sums = out[TERMS * vertex_ptr[b] : TERMS * vertex_ptr[b + 1]]
@@ -265,6 +277,7 @@ def vertex_terms(
             tile_terms(tile, rest[t * REST * W : (t + 1) * REST * W], terms)
             for k in range(4):
                 scatter_terms(terms, 9 * k * W, corner, (4 * t + k) * W, sums)
+    restore(before)
 
 
 @kernel
@@ -283,6 +296,7 @@ def vertex_forces(
     """Gradient of every vertex of every block; a slot holds g."""
     tile, forces = np.empty(_POINTS, rest.dtype), np.empty(12 * W, rest.dtype)
     points = np.empty(POINT * most, rest.dtype)
+    before = flush_tiny()
     for b in range(start, stop):
         _load_displacements(x, X, vertex, vertex_ptr[b], vertex_ptr[b + 1] - vertex_ptr[b], points)
         sums = out[VECTOR * vertex_ptr[b] : VECTOR * vertex_ptr[b + 1]]
@@ -293,6 +307,7 @@ def vertex_forces(
             tile_forces(tile, rest[t * REST * W : (t + 1) * REST * W], forces)
             for k in range(4):
                 scatter_vectors(forces, 3 * k * W, corner, (4 * t + k) * W, sums)
+    restore(before)
 
 
 @kernel
@@ -312,6 +327,7 @@ def vertex_products(
     """Hessian times d at every vertex of every block."""
     tile, turned, forces = np.empty(_POINTS, rest.dtype), np.empty(_POINTS, rest.dtype), np.empty(12 * W, rest.dtype)
     points, moves = np.empty(POINT * most, rest.dtype), np.empty(POINT * most, rest.dtype)
+    before = flush_tiny()
     for b in range(start, stop):
         _load_displacements(x, X, vertex, vertex_ptr[b], vertex_ptr[b + 1] - vertex_ptr[b], points)
         _load_direction(d, vertex, vertex_ptr[b], vertex_ptr[b + 1] - vertex_ptr[b], moves)
@@ -324,6 +340,7 @@ def vertex_products(
             tile_products(tile, turned, rest[t * REST * W : (t + 1) * REST * W], forces)
             for k in range(4):
                 scatter_vectors(forces, 3 * k * W, corner, (4 * t + k) * W, sums)
+    restore(before)
 
 
 @kernel
@@ -343,6 +360,7 @@ def vertex_definite_products(
     """The same with the positive semi-definite part of each element's Hessian; a kernel of its own, as few need it."""
     tile, turned, forces = np.empty(_POINTS, rest.dtype), np.empty(_POINTS, rest.dtype), np.empty(12 * W, rest.dtype)
     points, moves = np.empty(POINT * most, rest.dtype), np.empty(POINT * most, rest.dtype)
+    before = flush_tiny()
     for b in range(start, stop):
         _load_displacements(x, X, vertex, vertex_ptr[b], vertex_ptr[b + 1] - vertex_ptr[b], points)
         _load_direction(d, vertex, vertex_ptr[b], vertex_ptr[b + 1] - vertex_ptr[b], moves)
@@ -355,6 +373,7 @@ def vertex_definite_products(
             tile_definite_products(tile, turned, rest[t * REST * W : (t + 1) * REST * W], forces)
             for k in range(4):
                 scatter_vectors(forces, 3 * k * W, corner, (4 * t + k) * W, sums)
+    restore(before)
 
 
 @kernel
@@ -378,6 +397,7 @@ def pair_terms(
     """Gradient and diagonal block of every node of every block of a coarse layer; a slot holds g and H."""
     tile, tensors, terms = np.empty(_POINTS, rest.dtype), np.empty(18 * W, rest.dtype), np.empty(9 * W, rest.dtype)
     points = np.empty(POINT * most, rest.dtype)
+    before = flush_tiny()
     for b in range(start, stop):
         _load_displacements(x, X, vertex, vertex_ptr[b], vertex_ptr[b + 1] - vertex_ptr[b], points)
         sums = out[TERMS * node_ptr[b] : TERMS * node_ptr[b + 1]]
@@ -390,6 +410,7 @@ def pair_terms(
             for row in range(row_ptr[t], row_ptr[t + 1]):
                 tile_pair_terms(tensors, u[row * 3 * W : (row + 1) * 3 * W], own, terms)
                 scatter_terms(terms, 0, node, row * W, sums)
+    restore(before)
 
 
 @kernel
@@ -413,6 +434,7 @@ def pair_forces(
     """Gradient of every node of every block of a coarse layer; a slot holds g."""
     tile, tensors, forces = np.empty(_POINTS, rest.dtype), np.empty(18 * W, rest.dtype), np.empty(3 * W, rest.dtype)
     points = np.empty(POINT * most, rest.dtype)
+    before = flush_tiny()
     for b in range(start, stop):
         _load_displacements(x, X, vertex, vertex_ptr[b], vertex_ptr[b + 1] - vertex_ptr[b], points)
         sums = out[VECTOR * node_ptr[b] : VECTOR * node_ptr[b + 1]]
@@ -424,6 +446,7 @@ def pair_forces(
             for row in range(row_ptr[t], row_ptr[t + 1]):
                 tile_pair_forces(tensors, u[row * 3 * W : (row + 1) * 3 * W], forces)
                 scatter_vectors(forces, 0, node, row * W, sums)
+    restore(before)
 
 
 @kernel
@@ -449,6 +472,7 @@ def pair_products(
     tile, turned = np.empty(_POINTS, rest.dtype), np.empty(_POINTS, rest.dtype)
     tensors, forces = np.empty(9 * W, rest.dtype), np.empty(3 * W, rest.dtype)
     points, moves = np.empty(POINT * most, rest.dtype), np.empty(POINT * most, rest.dtype)
+    before = flush_tiny()
     for b in range(start, stop):
         n_vertices = vertex_ptr[b + 1] - vertex_ptr[b]
         _load_displacements(x, X, vertex, vertex_ptr[b], n_vertices, points)
@@ -463,6 +487,7 @@ def pair_products(
             for row in range(row_ptr[t], row_ptr[t + 1]):
                 tile_pair_forces(tensors, u[row * 3 * W : (row + 1) * 3 * W], forces)
                 scatter_vectors(forces, 0, node, row * W, sums)
+    restore(before)
 
 
 @scalar
@@ -491,6 +516,7 @@ def energies(
     """Elastic energy [J] and volume ratio J of each element."""
     tile, out = np.empty(_POINTS, rest.dtype), np.empty(2 * W, rest.dtype)
     points = np.empty(POINT * most, rest.dtype)
+    before = flush_tiny()
     for b in range(start, stop):
         _load_displacements(x, X, vertex, vertex_ptr[b], vertex_ptr[b + 1] - vertex_ptr[b], points)
         for t in range(b * TILES, (b + 1) * TILES):
@@ -501,6 +527,7 @@ def energies(
                 e = element[t * W + l]
                 if e >= 0:
                     energy[e], J[e] = out[l], 1.0 + out[W + l]
+    restore(before)
 
 
 @scalar
@@ -535,6 +562,7 @@ def energies_along(
     """Row b of the result: coefficients of t to t^6 in E(x + t d), summed over block b."""
     tile, turned, sums = np.empty(_POINTS, rest.dtype), np.empty(_POINTS, rest.dtype), np.empty(6 * W, rest.dtype)
     points, moves = np.empty(POINT * most, rest.dtype), np.empty(POINT * most, rest.dtype)
+    before = flush_tiny()
     for b in range(start, stop):
         n_vertices = vertex_ptr[b + 1] - vertex_ptr[b]
         _load_displacements(x, X, vertex, vertex_ptr[b], n_vertices, points)
@@ -550,3 +578,4 @@ def energies_along(
             for l in range(W):  # noqa: E741
                 total += sums[k * W + l]
             out[b, k] = total
+    restore(before)
