@@ -145,8 +145,9 @@ class SolverSettings(Table):
         and 1 with the others when left out. The coarsest layer, where down and up meet, has max(pre, post).
     steps : Step lengths: ``exact`` (to the minimum along each correction: the energy never grows, however stiff the
         body or long the step), ``backtracking`` (1, 1/2, 1/4, ... of each correction until the energy falls: never
-        grows either, at the cost of ``exact``), ``spectral`` (from power iteration at rest: half the cost of a substep,
-        for soft bodies and short steps), ``lu2025`` (0.25 coarse, 0.5 fine), or [coarse, fine].
+        grows either, at the cost of ``exact``, but stiff bodies tremble), ``spectral`` (from power iteration at rest:
+        half the cost of a substep, for soft bodies and short steps), ``lu2025`` (0.25 coarse, 0.5 fine), or
+        [coarse, fine].
     chebyshev : Extrapolate from iteration to iteration (Wang 2015): with ``auto`` to the minimum of the energy on the
         way, or with the weights of this spectral radius of one iteration, 0 < rho < 1, which exact steps and
         backtracking take as bounds. For stiff bodies, long steps and many iterations; off when left out.
