@@ -22,7 +22,7 @@ import pytest
 
 from femgal.hierarchy.hierarchy import build_constant_hierarchy
 from femgal.hierarchy.layer import Layer
-from femgal.kernels.cpu import passes
+from femgal.kernels.cpu import tile_arithmetic
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.kernels.cpu.simd import W
 from femgal.kernels.cpu.tiles import BLOCK, REST
@@ -217,37 +217,37 @@ precision = "{precision}"
 
 @kernel
 def terms_of_tile(points, rest, out):
-    passes.tile_terms(points, rest, out)
+    tile_arithmetic.tile_terms(points, rest, out)
 
 
 @kernel
 def forces_of_tile(points, rest, out):
-    passes.tile_forces(points, rest, out)
+    tile_arithmetic.tile_forces(points, rest, out)
 
 
 @kernel
 def stresses_of_tile(points, rest, out):
-    passes.tile_stresses(points, rest, out)
+    tile_arithmetic.tile_stresses(points, rest, out)
 
 
 @kernel
 def pairs_of_tile(points, rest, out):
-    passes.tile_pair_terms(points, rest, rest, out)
+    tile_arithmetic.tile_pair_terms(points, rest, rest, out)
 
 
 @kernel
 def products_of_tile(points, rest, out):
-    passes.tile_products(points, points, rest, out)
+    tile_arithmetic.tile_products(points, points, rest, out)
 
 
 @kernel
 def energies_of_tile(points, rest, out):
-    passes.tile_energies(points, rest, out)
+    tile_arithmetic.tile_energies(points, rest, out)
 
 
 @kernel
 def energies_along_of_tile(points, rest, out):
-    passes.tile_energies_along(points, points, rest, out)
+    tile_arithmetic.tile_energies_along(points, points, rest, out)
 
 
 TILE_KERNELS = (
