@@ -50,7 +50,7 @@ def kernels(
     from verify.benchmark.passes import VARIANTS
 
     settings = KernelSettings(
-        _numbers(threads) if threads is not None else _default_threads(),
+        _numbers(threads, "--threads") if threads is not None else _default_threads(),
         VARIANTS if precision is None else tuple(part.strip() for part in precision.split(",")),
         repeats,
         stream_mb,
@@ -94,7 +94,8 @@ def motion(
 ) -> None:
     """Run a scene with many settings: error against a Verlet reference, time and memory of each.
 
-    Every combination of the lists is a row, beside Verlet. Runs are kept in --work: an interrupted study goes on.
+    Every combination of the lists is a row of FAS, beside Verlet with its own defaults; what --set says of the solver
+    holds for the rows of FAS. Runs are kept in --work: an interrupted study goes on.
     """
     out = _target(json_path, force)
     from femgal.commands.options import scene_from_options
@@ -102,8 +103,10 @@ def motion(
     from verify.benchmark.motion_table import notes, table
 
     base = scene_from_options(scene, vertices, frames, settings)
-    transfers = [("linear", 8) if part == "linear" else ("constant", _numbers(part)[0]) for part in _words(ratio)]
-    rows = candidates(_numbers(substeps), _words(steps), _words(precision), transfers)
+    transfers = [
+        ("linear", 8) if part == "linear" else ("constant", _numbers(part, "--ratio")[0]) for part in _words(ratio)
+    ]
+    rows = candidates(_numbers(substeps, "--substeps"), _words(steps), _words(precision), transfers)
     result = study(
         base, rows, work, reference_safety=reference_safety, announce=lambda text: click.echo(f"{text} ...", err=True)
     )
@@ -129,14 +132,14 @@ def _default_threads() -> tuple[int, ...]:
     return tuple(sorted({1, len(os.sched_getaffinity(0))}))
 
 
-def _numbers(text: str) -> tuple[int, ...]:
+def _numbers(text: str, option: str) -> tuple[int, ...]:
     from meshes.errors import InputError
 
     try:
         return tuple(int(part) for part in text.split(","))
     except ValueError:
         allowed = "whole numbers separated by commas"
-        raise InputError("not a list of numbers", where="--threads", found=repr(text), allowed=allowed) from None
+        raise InputError("not a list of numbers", where=option, found=repr(text), allowed=allowed) from None
 
 
 def _show(report: KernelReport, json_path: str | None, out: Path | None) -> None:

@@ -87,16 +87,20 @@ class KeptBlocks:
 
     @property
     def compares(self) -> bool:
-        """Whether this substep makes new blocks and has old ones to compare them with."""
-        return self.refreshes and bool(self.blocks)
+        """Whether this substep has made new blocks and had old ones to compare them with."""
+        return bool(self.blocks) and 0 in self._fresh
 
     @property
     def _keeps(self) -> bool:
-        return self.interval > 1 or self.age == PROBE_EVERY - 2
+        return self.interval > 1 or self.age >= PROBE_EVERY - 2
 
     def get(self, number: int) -> Floats | None:
         """Blocks to use on a layer now; None where they have to be made."""
         return self._fresh.get(number) if self.refreshes else self.blocks.get(number)
+
+    def fresh(self, number: int) -> Floats:
+        """Blocks of a layer made in this substep."""
+        return self._fresh[number]
 
     def put(self, backend: Backend, number: int, g: Floats, H: Floats, *, scalar: bool) -> None:
         """Take new blocks of a layer, and compare the corrections that old and new ones make."""
@@ -118,6 +122,9 @@ class KeptBlocks:
 
     def finish(self) -> None:
         """Grow older by one substep."""
+        if self.refreshes and not self._fresh and self.holds:
+            # The prediction was good enough and nothing was smoothed: the next substep is in the same place.
+            return
         if self.refreshes:
             self.blocks = self._fresh if self._keeps else {}
             if self.interval > 1:

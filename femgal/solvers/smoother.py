@@ -186,9 +186,7 @@ class Relaxation(ABC):
             return state
         if kept.compares:
             g = backend.nodal_gradient(self.layers[0], state.x, potential.xhat, potential.inverse_h2)
-            H = kept.get(0)
-            assert H is not None
-            kept.judge(-backend.dot(g, backend.solve(g, H, 1.0, scalar=self.scalar)))
+            kept.judge(-backend.dot(g, backend.solve(g, kept.fresh(0), 1.0, scalar=self.scalar)))
         kept.finish()
         return replace(state, memory=kept.into(self._memory))
 

@@ -10,7 +10,8 @@
    that with fresh blocks by less than a tenth of the solver's own error.
 5. A body that deforms strongly refreshes often, with exact and spectral steps, and stays within the same bound.
 6. What is remembered is all that counts: a motion cut in two, its memory copied, has the same bits.
-7. Another length of the step forgets the blocks.
+7. Substeps that meet a tolerance before anything is smoothed neither stop the schedule nor break it.
+8. Another length of the step forgets the blocks.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from femgal.hierarchy.hierarchy import build_constant_hierarchy
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.solvers.blocks import LONGEST_INTERVAL, MOST_CHANGE, PROBE_EVERY, SHARE, KeptBlocks
 from femgal.solvers.fas import FAS
+from femgal.solvers.solver import Budget
 from femgal.timestep.backward_euler import BackwardEuler
 from femgal.timestep.state import MotionState
 from tests.femgal.problems import Moving, distorted_box, left_end, march, rng, uniform
@@ -207,6 +209,29 @@ def test_memory_is_all_that_counts():
     again = march(method, MotionState(cut.time, cut.x.copy(), cut.v.copy(), memory), 1e-3, 40)
     assert again[-1].x.tobytes() == whole[87].x.tobytes()
     assert again[-1].v.tobytes() == whole[87].v.tobytes()
+
+
+def test_substeps_that_need_no_smoothing():
+    method = stepper(1e4, "exact", True)
+    method.gravity = 0.0 * GRAVITY
+    method.solver.budget = Budget(iterations=5, tolerance=1e-7)
+    state = start(method, 1e-3, 0.0)
+    for _ in range(2 * PROBE_EVERY):
+        # A body at rest meets any tolerance before the first sweep.
+        state = method.step(state, 1e-3)
+    age, _ = state.memory["blocks_schedule"]
+    assert 0 <= age <= PROBE_EVERY
+    method.gravity = GRAVITY
+    method.solver.budget = Budget(iterations=2)
+    held = []
+    for _ in range(PROBE_EVERY + 4):
+        state = method.step(state, 1e-3)
+        held.append("blocks_of_layer_0" in state.memory)
+    assert any(held)
+    method.gravity, method.solver.budget = 0.0 * GRAVITY, Budget(iterations=2, tolerance=1.0)
+    for _ in range(2 * LONGEST_INTERVAL):
+        state = method.step(state, 1e-3)
+    assert np.isfinite(state.x).all()
 
 
 def test_another_step_forgets():

@@ -222,9 +222,7 @@ def test_the_cycle_is_shown_and_made(monkeypatch, lines, layers):
         return smooth_layer(self, potential, x, number)
 
     monkeypatch.setattr(FAS, "smooth_layer", noted)
-    next(simulation.frames())
-    made.clear()
-    simulation.compile()
+    simulation.stepper.step(simulation.start(), 1e-3 / 60.0)
     assert [f"{number}" for number in made] == layers.split("layers ")[1].split()
 
 

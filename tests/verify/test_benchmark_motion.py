@@ -84,6 +84,14 @@ def test_a_failed_run_is_a_row(tmp_path):
     assert any(found["rows"][0]["failure"] in line for line in notes(found))
 
 
+def test_rows_are_what_they_say(result):
+    base = result[0]
+    other = base.model_copy(update={"solver": base.solver.model_copy(update={"name": "verlet", "substeps": None})})
+    row = candidates([7], ["spectral"], ["float32"], [("constant", 16)])[1]
+    solver = row.scene(other).solver
+    assert (solver.name, solver.substeps, solver.steps, solver.ratio) == ("fas", 7, "spectral", 16)
+
+
 def test_table_and_command(result, tmp_path):
     base, _, work, found, _ = result
     drawn = table(found)
@@ -99,5 +107,8 @@ def test_table_and_command(result, tmp_path):
     assert json.loads(result_of.stdout)["rows"][1]["error"] == found["rows"][1]["error"]
     shown = CliRunner().invoke(main, arguments, catch_exceptions=False)
     assert "clusters 8 exact 20 float64" in shown.stdout
+    words = CliRunner().invoke(main, [*arguments, "--substeps", "fifty"], catch_exceptions=False)
+    assert words.exit_code == 2
+    assert "--substeps" in words.stderr
     bad = CliRunner().invoke(main, [*arguments, "--steps", "boldly"], catch_exceptions=False)
     assert bad.exit_code == 2

@@ -65,7 +65,10 @@ def run_motion(scene_file: Path, out: Path) -> None:
         "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
         "threads": simulation.backend.threads,
     }
-    out.with_suffix(".json").write_text(json.dumps(numbers))
+    # Written last and at once: where it is, the run is complete.
+    part = out.with_suffix(".part")
+    part.write_text(json.dumps(numbers))
+    part.replace(out.with_suffix(".json"))
 
 
 if __name__ == "__main__":

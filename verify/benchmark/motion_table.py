@@ -33,10 +33,11 @@ def table(result: dict[str, Any]) -> TextTable:
 def notes(result: dict[str, Any]) -> list[str]:
     """What the columns mean, and how good the reference is."""
     reference = result["reference"]
+    own = "unknown, as that fails" if reference["own_error"] is None else f"{reference['own_error']:.1e}"
     failed = [f"{row['label']}: {row['failure']}" for row in result["rows"] if row["failure"]]
     return [
-        f"reference: {reference['label']}, {reference['substeps']} substeps in the last frame; its own error "
-        f"{reference['own_error']:.1e}, a third of its distance from Verlet at twice the step.",
+        f"reference: {reference['label']}, {reference['substeps']} substeps in the last frame; its own error, from its "
+        f"distance to Verlet at the default step: {own}.",
         "error: mass-weighted RMS of the difference over all vertices and frames, over that of the reference's motion. "
         "s/frame: median, without compilation; passes: per frame.",
         "energy: largest gain over the start, over what the start had. mesh s, tree s: CPU time of all threads, mesh "

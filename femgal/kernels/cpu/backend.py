@@ -138,10 +138,6 @@ class CpuBackend(NodeWork):
         self.workers.run(elements.von_mises_stresses, disc.n_tets, x, cells, B, disc.mu, out)
         return out
 
-    def prepare(self, layer: Layer) -> None:
-        """Lay out the elements of a layer now rather than at its first pass."""
-        self._tiles_of(layer)
-
     def _tiles_of(self, layer: Layer) -> _LayerTiles:
         if layer not in self._layers:
             tiles = build_tiles(self.disc, layer.active, self.precision)
@@ -149,7 +145,7 @@ class CpuBackend(NodeWork):
                 self._layers[layer] = _LayerTiles(tiles, vertex_slots(tiles, layer))
             else:
                 pairs, where = build_pairs(self.disc, layer, tiles, self.precision)
-                arrays = (where.node_ptr, pairs.row_ptr, pairs.node, pairs.u, pairs.most_nodes)
+                arrays = (where.node_ptr, pairs.row_ptr, pairs.node, pairs.u)
                 self._layers[layer] = _LayerTiles(tiles, where, arrays)
         return self._layers[layer]
 

@@ -4,7 +4,9 @@
 A loop that both gathers and stores never becomes vector code, because nothing tells the compiler that the arrays are
 apart. So a tile's twelve coordinates are gathered into rows of lanes, the arithmetic runs from rows to rows, and the
 results are transposed and added to the nodes of the block. Positions enter as displacements d = x - X relative to
-those of the block's first vertex, subtracted in float64: a body that has moved far loses nothing in float32.
+those of the block's first vertex, subtracted in float64: in float32 a body that has moved far loses nothing. One that
+has turned far does: its displacements are then of the size of the block, some ten edges, and their rounding is noise
+of up to 4e-6 of Young's modulus in the stress (tests/femgal/test_cpu_backend.py, item 5).
 
 Every kernel runs over blocks start to stop - 1 and writes their slots only, VECTOR or TERMS values each.
 """
@@ -241,7 +243,6 @@ def pair_terms(
     row_ptr: Longs,
     node: Shorts,
     u: Reals,
-    most_nodes: int,
     out: Reals,
 ) -> None:
     """Gradient and diagonal block of every node of every block of a coarse layer; a slot holds g and H."""
@@ -278,7 +279,6 @@ def pair_forces(
     row_ptr: Longs,
     node: Shorts,
     u: Reals,
-    most_nodes: int,
     out: Reals,
 ) -> None:
     """Gradient of every node of every block of a coarse layer; a slot holds g."""
@@ -315,7 +315,6 @@ def pair_products(
     row_ptr: Longs,
     node: Shorts,
     u: Reals,
-    most_nodes: int,
     out: Reals,
 ) -> None:
     """P^T (Hessian times d) at every node of every block of a coarse layer."""

@@ -95,13 +95,11 @@ class Pairs:
     row_ptr : First row of pairs of each tile, shape [tiles + 1].
     node : Node of each lane, numbered within the block, shape [rows W].
     u : sum_k w_k grad N_k, shape [rows 3 W].
-    most_nodes : Nodes of the block that has most.
     """
 
     row_ptr: Longs
     node: Shorts
     u: Reals
-    most_nodes: int
 
 
 def build_tiles(disc: Discretisation, active: Ints, precision: Precision) -> Tiles:
@@ -134,8 +132,7 @@ def build_pairs(disc: Discretisation, layer: Layer, tiles: Tiles, precision: Pre
     nodes = np.empty(layer.n_pairs, np.int32)
     stamp = np.full(layer.n_nodes, -1, np.int32)
     n_slots = _fill_rows(*arrays, tiles.element, row_ptr, stamp, node_ptr, nodes, node, u)
-    most = int(np.diff(node_ptr).max(initial=1))
-    return Pairs(row_ptr, node, u, most), _slots(node_ptr, nodes[:n_slots], layer.n_nodes)
+    return Pairs(row_ptr, node, u), _slots(node_ptr, nodes[:n_slots], layer.n_nodes)
 
 
 def _slots(node_ptr: Longs, node: Ints, n_nodes: int) -> Slots:
