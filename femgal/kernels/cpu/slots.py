@@ -55,10 +55,10 @@ def sum_gradients(
             g1 += s * (x[v, 1] - xhat[v, 1])
             g2 += s * (x[v, 2] - xhat[v, 2])
         for j in range(slot_ptr[i], slot_ptr[i + 1]):
-            s = VECTOR * slot[j]
-            g0 += values[s]
-            g1 += values[s + 1]
-            g2 += values[s + 2]
+            k = VECTOR * slot[j]
+            g0 += values[k]
+            g1 += values[k + 1]
+            g2 += values[k + 2]
         g[i, 0], g[i, 1], g[i, 2] = g0, g1, g2
 
 

@@ -28,18 +28,18 @@ Reals = NDArray[np.floating]
 
 
 @scalar
-def _rest_gradients(rest: Reals, l: int) -> Tensor:  # noqa: E741
-    """Dm^-1 of lane l; its rows are grad N_1, grad N_2, grad N_3."""
+def _tensor(tile: Reals, at: int) -> Tensor:
+    """Nine rows of one lane; of a tile's rest quantities Dm^-1, whose rows are grad N_1, grad N_2, grad N_3."""
     return (
-        rest[l],
-        rest[W + l],
-        rest[2 * W + l],
-        rest[3 * W + l],
-        rest[4 * W + l],
-        rest[5 * W + l],
-        rest[6 * W + l],
-        rest[7 * W + l],
-        rest[8 * W + l],
+        tile[at],
+        tile[W + at],
+        tile[2 * W + at],
+        tile[3 * W + at],
+        tile[4 * W + at],
+        tile[5 * W + at],
+        tile[6 * W + at],
+        tile[7 * W + at],
+        tile[8 * W + at],
     )
 
 
@@ -96,7 +96,7 @@ def _store_forces(tile: Reals, l: int, P: Tensor, B: Tensor) -> None:  # noqa: E
 def tile_terms(points: Reals, rest: Reals, terms: Reals) -> None:
     """Gradient and block of all four vertices of each lane: 36 rows from 12 rows of displacements."""
     for l in range(W):  # noqa: E741
-        B, mu, lam = _rest_gradients(rest, l), rest[9 * W + l], rest[10 * W + l]
+        B, mu, lam = _tensor(rest, l), rest[9 * W + l], rest[10 * W + l]
         P, C = stress_and_cofactor(_gradient(points, l, B), mu, lam)
         u0, u1, u2, u3 = _corner_gradients(B)
         _store_nine(terms, l, node_terms(P, C, mu, lam, u0))
@@ -109,7 +109,7 @@ def tile_terms(points: Reals, rest: Reals, terms: Reals) -> None:
 def tile_forces(points: Reals, rest: Reals, forces: Reals) -> None:
     """Gradient of all four vertices of each lane: 12 rows."""
     for l in range(W):  # noqa: E741
-        B, mu, lam = _rest_gradients(rest, l), rest[9 * W + l], rest[10 * W + l]
+        B, mu, lam = _tensor(rest, l), rest[9 * W + l], rest[10 * W + l]
         P, _ = stress_and_cofactor(_gradient(points, l, B), mu, lam)
         _store_forces(forces, l, P, B)
 
@@ -118,7 +118,7 @@ def tile_forces(points: Reals, rest: Reals, forces: Reals) -> None:
 def tile_products(points: Reals, direction: Reals, rest: Reals, forces: Reals) -> None:
     """Hessian times a direction, of all four vertices of each lane: 12 rows."""
     for l in range(W):  # noqa: E741
-        B, mu, lam = _rest_gradients(rest, l), rest[9 * W + l], rest[10 * W + l]
+        B, mu, lam = _tensor(rest, l), rest[9 * W + l], rest[10 * W + l]
         P = stress_increment(_gradient(points, l, B), _gradient(direction, l, B), mu, lam)
         _store_forces(forces, l, P, B)
 
@@ -127,31 +127,16 @@ def tile_products(points: Reals, direction: Reals, rest: Reals, forces: Reals) -
 def tile_definite_products(points: Reals, direction: Reals, rest: Reals, forces: Reals) -> None:
     """The same with the positive semi-definite part of each element's Hessian."""
     for l in range(W):  # noqa: E741
-        B, mu, lam = _rest_gradients(rest, l), rest[9 * W + l], rest[10 * W + l]
+        B, mu, lam = _tensor(rest, l), rest[9 * W + l], rest[10 * W + l]
         F = add_identity(_gradient(points, l, B))
         _store_forces(forces, l, stress_increment_definite(F, _gradient(direction, l, B), mu, lam), B)
-
-
-@scalar
-def _tensor(tile: Reals, at: int) -> Tensor:
-    return (
-        tile[at],
-        tile[W + at],
-        tile[2 * W + at],
-        tile[3 * W + at],
-        tile[4 * W + at],
-        tile[5 * W + at],
-        tile[6 * W + at],
-        tile[7 * W + at],
-        tile[8 * W + at],
-    )
 
 
 @scalar
 def tile_stresses(points: Reals, rest: Reals, tensors: Reals) -> None:
     """P and C of each lane: 18 rows."""
     for l in range(W):  # noqa: E741
-        P, C = stress_and_cofactor(_gradient(points, l, _rest_gradients(rest, l)), rest[9 * W + l], rest[10 * W + l])
+        P, C = stress_and_cofactor(_gradient(points, l, _tensor(rest, l)), rest[9 * W + l], rest[10 * W + l])
         _store_nine(tensors, l, P)
         _store_nine(tensors, 9 * W + l, C)
 
@@ -160,7 +145,7 @@ def tile_stresses(points: Reals, rest: Reals, tensors: Reals) -> None:
 def tile_stress_increments(points: Reals, direction: Reals, rest: Reals, tensors: Reals) -> None:
     """dP of each lane: 9 rows."""
     for l in range(W):  # noqa: E741
-        B, mu, lam = _rest_gradients(rest, l), rest[9 * W + l], rest[10 * W + l]
+        B, mu, lam = _tensor(rest, l), rest[9 * W + l], rest[10 * W + l]
         _store_nine(tensors, l, stress_increment(_gradient(points, l, B), _gradient(direction, l, B), mu, lam))
 
 
@@ -183,7 +168,7 @@ def tile_pair_forces(tensors: Reals, u: Reals, forces: Reals) -> None:
 def tile_energies(points: Reals, rest: Reals, out: Reals) -> None:
     """Energy and J - 1 of each lane: 2 rows."""
     for l in range(W):  # noqa: E741
-        energy, j = energy_and_volume(_gradient(points, l, _rest_gradients(rest, l)), rest[9 * W + l], rest[10 * W + l])
+        energy, j = energy_and_volume(_gradient(points, l, _tensor(rest, l)), rest[9 * W + l], rest[10 * W + l])
         out[l], out[W + l] = energy, j
 
 
@@ -191,7 +176,7 @@ def tile_energies(points: Reals, rest: Reals, out: Reals) -> None:
 def tile_energies_along(points: Reals, direction: Reals, rest: Reals, sums: Reals) -> None:
     """Add the six coefficients of each lane to 6 rows."""
     for l in range(W):  # noqa: E741
-        B = _rest_gradients(rest, l)
+        B = _tensor(rest, l)
         G, dG = _gradient(points, l, B), _gradient(direction, l, B)
         p = energy_along(G, dG, rest[9 * W + l], rest[10 * W + l])
         sums[l] += p[0]
