@@ -26,8 +26,8 @@ from meshes.generators import box
 from meshes.make import make_tets
 from meshes.quality import dihedrals
 from meshes.types import TetMesh
-from tests.femgal.problems import distorted_box, uniform
 from tests.femgal.slivers import box_with_slivers, stiffnesses
+from verify.problems import distorted_box, uniform
 
 CELLS = (9, 4, 4)
 FLAT = 1e-4

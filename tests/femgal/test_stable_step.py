@@ -27,8 +27,8 @@ from femgal.timestep.stable_step import element_stiffness, guaranteed_step, vert
 from meshes.generators import box
 from meshes.make import make_tets
 from meshes.types import TetMesh
-from tests.femgal.problems import distorted_box, left_end, rng
 from tests.femgal.slivers import box_with_slivers, largest_frequency, stiffnesses
+from verify.problems import distorted_box, left_end, rng
 from verify.reference.elasticity import AssembledElasticity
 
 MESH = distorted_box((5, 3, 3))

@@ -25,7 +25,7 @@ from femgal.materials.tensor import (
     multiply,
     transpose,
 )
-from tests.femgal.problems import rng
+from verify.problems import rng
 
 
 @numba.njit

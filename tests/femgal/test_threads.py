@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from femgal.kernels.cpu.threads import SMALLEST_SHARE, Workers
-from tests.femgal.problems import rng
+from verify.problems import rng
 
 
 def ranges(workers: Workers, ptr_or_rows) -> list[tuple[int, int, int]]:

@@ -27,8 +27,8 @@ from femgal.scene.problems import SceneError
 from femgal.simulation import Simulation
 from femgal.timestep.build import prepare_mass
 from meshes.io.tets import write_tets
-from tests.femgal.problems import distorted_box, uniform
 from tests.femgal.slivers import box_with_slivers
+from verify.problems import distorted_box, uniform
 
 SCENE = """
 name = "sliver"

@@ -20,11 +20,11 @@ from click.testing import CliRunner
 
 from femgal.cli import main
 from femgal.scene.load import parse_scene
-from tests.femgal.problems import rng
 from tests.femgal.scenes import hanging_beam_text
 from verify.benchmark.motion import Candidate, candidates, study
 from verify.benchmark.motion_table import notes, table
 from verify.benchmark.trajectory import trajectory_error
+from verify.problems import rng
 
 
 def test_trajectory_error():

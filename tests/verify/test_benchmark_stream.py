@@ -14,8 +14,8 @@ import pytest
 
 from femgal.kernels.cpu.threads import Workers
 from meshes.errors import InputError
-from tests.femgal.problems import rng
 from verify.benchmark.stream import SCALE, Stream, triad
+from verify.problems import rng
 
 
 def test_triad():

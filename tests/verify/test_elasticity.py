@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.femgal.problems import distorted_box, positions, rng
+from verify.problems import distorted_box, positions, rng
 from verify.reference.elasticity import AssembledElasticity, cofactor, cofactor_derivative, lumped_mass
 
 MESH = distorted_box((3, 2, 2))

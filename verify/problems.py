@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Small problems for tests of the solver core: meshes, materials, and states that hurt."""
+"""Small problems that cases and tests share: meshes by name, materials, and states that hurt."""
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +17,23 @@ from femgal.kernels.cpu.backend import CpuBackend
 from femgal.timestep.backward_euler import BackwardEuler
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import MotionState
+from meshes.connectivity import cell_edges
 from meshes.generators import box
+from meshes.make import make_tets
 from meshes.ordering import reorder
 from meshes.types import TetMesh
+from verify.case import Skip
+from verify.use import SEED
 
 Floats = NDArray[np.float64]
 
-SEED = 20_260_117
 STATES = ("rest", "random", "stretched", "inverted")
+
+# Meshes of the suite: a distorted Kuhn grid, a regular one, an unstructured one that is always there, and two that
+# FEMGAL_MESH_PATH may name: a scanned surface, and a published mesh with dihedral angles down to 0.2 degrees.
+MESHES = ("box", "beam", "rabbit", "bunny", "slivers")
+OWN = "own"
+_VERTICES = 700
 
 
 def rng(salt: int = 0) -> np.random.Generator:
@@ -52,17 +64,78 @@ def left_end(mesh: TetMesh, width: float = 1e-9) -> NDArray:
     return np.flatnonzero(mesh.points[:, 0] <= mesh.points[:, 0].min() + width)
 
 
+@cache
+def mesh(name: str) -> TetMesh:
+    """A mesh of the suite by name, in Morton order, some hundred vertices (the published one has 4670).
+
+    Raises
+    ------
+    Skip
+        It is not on this machine.
+    """
+    if name == OWN:
+        return own_body().mesh
+    if name == "box":
+        return distorted_box((6, 4, 4))
+    if name == "beam":
+        return reorder(box((1.5, 0.5, 0.5), (12, 4, 4)))[0]
+    if name == "rabbit":
+        return make_tets("rabbit", _VERTICES).mesh
+    file = {"bunny": "bunny.ply", "slivers": "tets/ipc_bunny.msh"}[name]
+    for folder in filter(None, os.environ.get("FEMGAL_MESH_PATH", "").split(os.pathsep)):
+        if (Path(folder) / file).is_file():
+            return make_tets(Path(folder) / file, None if file.endswith(".msh") else _VERTICES).mesh
+    raise Skip(f"{Path(file).name} is not in a folder of FEMGAL_MESH_PATH")
+
+
+@cache
+def body(name: str, material: str = "varied", held: bool = True) -> Discretisation:
+    """A mesh of the suite with a material: "varied" or "uniform"; of the user's own mesh always the user's own.
+
+    Parameters
+    ----------
+    held : Whether the vertices at the low end of x are constrained; for the user's own body, those of its scene.
+    """
+    if name == OWN:
+        return own_body()
+    constrained = left_end(mesh(name), 0.1 * float(np.ptp(mesh(name).points[:, 0]))) if held else ()
+    return {"varied": varied, "uniform": uniform}[material](mesh(name), constrained)
+
+
+_own: list[Discretisation] = []
+
+
+def own_body() -> Discretisation:
+    """The user's body, where there is one."""
+    if not _own:
+        raise Skip("no mesh of one's own was given")
+    return _own[-1]
+
+
+def use_own_body(disc: Discretisation) -> None:
+    """Make a body the one that "own" stands for."""
+    mesh.cache_clear()
+    body.cache_clear()
+    _own[:] = [disc]
+
+
+def mean_edge(mesh: TetMesh) -> float:
+    """Mean length of the edges [m]."""
+    i, j = cell_edges(mesh.cells, len(mesh.points)).T
+    return float(np.linalg.norm(mesh.points[i] - mesh.points[j], axis=1).mean())
+
+
 def positions(mesh: TetMesh, state: str) -> Floats:
-    """Positions [m] of a named state, shape [n, 3]."""
-    X, noise = mesh.points, rng(2).standard_normal(mesh.points.shape)
+    """Positions [m] of a named state, shape [n, 3]; noise goes with the mean edge."""
+    X, noise = mesh.points, mean_edge(mesh) * rng(2).standard_normal(mesh.points.shape)
     if state == "rest":
         return X.copy()
     if state == "random":
-        return X + 0.04 * noise
+        return X + 0.3 * noise
     if state == "stretched":
-        return X * [20.0, 0.3, 0.3] + 0.004 * noise
+        return X * [20.0, 0.3, 0.3] + 0.03 * noise
     if state == "inverted":
-        return X * [-1.0, 0.9, 1.2] + 0.01 * noise
+        return X * [-1.0, 0.9, 1.2] + 0.08 * noise
     raise ValueError(state)
 
 
