@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from femgal.kernels.backend import Precision
 from verify.case import PRECISIONS, Kind, Measurement, case
 from verify.measure import compare
 from verify.problems import body, force_scale
@@ -17,13 +18,13 @@ from verify.use import Use
     quantity="largest difference of a vertex force over the largest term of one element",
     unit="N",
     kind=Kind.CLOSED_FORM,
-    formula="P = mu g (e1 e2 + e2 e1) + (lam J' ...) with J = 1 at F = I + g e1 (x) e2",
+    formula="P = mu g (e1 (x) e2 + e2 (x) e1) at F = I + g e1 (x) e2, where J = 1",
     source="from P = mu F + (lam (J - 1) - mu) cof F, Smith et al. 2018, Eq. 13",
     tolerance={"float64": 1e-12, "float32": 2e-5},
     reason="rounding of a sum over some twenty elements",
     over={"precision": PRECISIONS, "mesh": ("box", "rabbit")},
 )
-def simple_shear(use: Use, *, precision: str, mesh: str) -> Measurement:
+def simple_shear(use: Use, *, precision: Precision, mesh: str) -> Measurement:
     """Forces of a sheared body."""
     disc, g = body(mesh, "uniform", held=False), 0.4
     F = np.eye(3)
