@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Stable neo-Hookean elasticity on linear tetrahedra, assembled by scikit-fem: slow on purpose.
+"""Stable neo-Hookean elasticity on linear or quadratic tetrahedra, assembled by scikit-fem: slow on purpose.
 
     Psi    = mu/2 (I_C - 3) - mu (J - 1) + lam/2 (J - 1)^2             (Smith et al. 2018; Lu et al. 2025, Eq. 13)
     P      = mu F + c C,   c = lam (J - 1) - mu,   C = cof F
@@ -11,7 +11,7 @@ and the summation over elements from scikit-fem. The Hessian is the exact one, i
 
 from __future__ import annotations
 
-from itertools import permutations
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
@@ -28,71 +28,96 @@ for _path in permutations(range(3)):
 
 
 class AssembledElasticity:
-    """Energy, gradient and Hessian of one mesh at any positions; n vertices, m tetrahedra.
+    """Energy, gradient and Hessian of one mesh at any positions; n nodes, m tetrahedra.
 
     Parameters
     ----------
     mesh : Rest configuration.
     mu, lam : Material parameters [Pa] of the energy above, scalars or shape [m]; lam = lam_Lame + mu_Lame.
+    degree : Of the shape functions: 1, whose nodes are the vertices, or 2, with the midpoints of edges after them.
+
+    Attributes
+    ----------
+    nodes : Rest positions of the nodes [m], shape [n, 3].
     """
 
-    def __init__(self, mesh: TetMesh, mu: ArrayLike, lam: ArrayLike) -> None:
+    def __init__(self, mesh: TetMesh, mu: ArrayLike, lam: ArrayLike, degree: int = 1) -> None:
         self.mesh = mesh
-        self._basis = _basis(mesh)
-        self._vertex_dofs = self._basis.nodal_dofs.T  # scikit-fem's number of component c of vertex v at [v, c]
+        # The energy is of degree 6 in the gradients: constants on P1, linear on P2. The quadrature is exact.
+        self._basis = scalar_basis(mesh, degree, intorder=0 if degree == 1 else 6)
+        self._dofs = node_dofs(self._basis)
+        self.nodes = np.ascontiguousarray(self._basis.doflocs[:, self._dofs].T)
         self._mu = np.broadcast_to(np.asarray(mu, np.float64), len(mesh.cells))[:, None]
         self._lam = np.broadcast_to(np.asarray(lam, np.float64), len(mesh.cells))[:, None]
 
     def energy(self, x: Floats) -> float:
         """Elastic energy [J] at positions x [m], shape [n, 3]."""
-        from skfem import Functional
-
-        def density(w: Any) -> Any:
-            F = _deformation_gradient(w)
-            J1 = _determinant(F) - 1.0
-            return 0.5 * w.mu * (_contract(F, F) - 3.0) - w.mu * J1 + 0.5 * w.lam * J1**2
-
-        return float(Functional(density).assemble(self._basis, **self._fields(x)))
+        F = self._deformation_gradient(x)
+        J1 = _determinant(F) - 1.0
+        density = 0.5 * self._mu * (_contract(F, F) - 3.0) - self._mu * J1 + 0.5 * self._lam * J1**2
+        return float((density * self._basis.dx).sum())
 
     def gradient(self, x: Floats) -> Floats:
-        """Gradient of the energy [N] at all vertices, constrained ones included, shape [n, 3]."""
+        """Gradient of the energy [N] at all nodes, constrained ones included, shape [n, 3]."""
         from skfem import LinearForm
 
-        def work(v: Any, w: Any) -> Any:
-            F = _deformation_gradient(w)
-            c = w.lam * (_determinant(F) - 1.0) - w.mu
-            return _contract(w.mu * F + c * cofactor(F), v.grad)
-
-        return LinearForm(work).assemble(self._basis, **self._fields(x))[self._vertex_dofs]
+        F = self._deformation_gradient(x)
+        P = self._mu * F + self._c(F) * cofactor(F)
+        work = LinearForm(lambda v, w: np.einsum("j...,j...", w.stress, v.grad))
+        return np.stack([work.assemble(self._basis, stress=P[i])[self._dofs] for i in range(3)], axis=1)
 
     def hessian(self, x: Floats) -> sp.csr_matrix:
-        """Exact Hessian [N/m], shape [3n, 3n]; component c of vertex v is row 3 v + c."""
+        """Exact Hessian [N/m], shape [3n, 3n]; component c of node v is row 3 v + c."""
         from skfem import BilinearForm
 
-        def work(u: Any, v: Any, w: Any) -> Any:
-            F = _deformation_gradient(w)
-            C = cofactor(F)
-            c = w.lam * (_determinant(F) - 1.0) - w.mu
-            dP = w.mu * u.grad + w.lam * _contract(C, u.grad) * C + c * cofactor_derivative(F, u.grad)
-            return _contract(dP, v.grad)
+        F = self._deformation_gradient(x)
+        C, c = cofactor(F), self._c(F)
+        work = BilinearForm(lambda u, v, w: np.einsum("jl...,j...,l...", w.modulus, v.grad, u.grad))
+        A = sp.csr_matrix((3 * len(self.nodes), 3 * len(self.nodes)))
+        for i, k in product(range(3), range(3)):
+            modulus = self._lam * C[i, :, None] * C[k, None, :] + c * _cofactor_slope(F, i, k)
+            if i == k:
+                modulus = modulus + self._mu * np.eye(3)[:, :, None, None]
+            block = work.assemble(self._basis, modulus=modulus).tocsr()[self._dofs][:, self._dofs]
+            A = A + sp.kron(block, sp.csr_matrix(([1.0], ([i], [k])), shape=(3, 3)), format="csr")
+        return A
 
-        order = self._vertex_dofs.ravel()
-        return BilinearForm(work).assemble(self._basis, **self._fields(x)).tocsr()[order][:, order]
+    def _c(self, F: Floats) -> Floats:
+        return self._lam * (_determinant(F) - 1.0) - self._mu
 
-    def _fields(self, x: Floats) -> dict[str, Any]:
-        displacement = np.empty(self._basis.N)
-        displacement[self._vertex_dofs] = x - self.mesh.points
-        return {"u": self._basis.interpolate(displacement), "mu": self._mu, "lam": self._lam}
+    def _deformation_gradient(self, x: Floats) -> Floats:
+        """F at the quadrature points, shape [3, 3, m, points]."""
+        values = np.empty((3, self._basis.N))
+        values[:, self._dofs] = (x - self.nodes).T
+        return np.eye(3)[:, :, None, None] + np.stack([self._basis.interpolate(one).grad for one in values])
 
 
 def lumped_mass(mesh: TetMesh, rho: ArrayLike) -> Floats:
     """Row sums of the consistent mass matrix [kg], shape [n]; rho [kg/m^3] is a scalar or one per tetrahedron."""
-    from skfem import Basis, BilinearForm, ElementTetP1, MeshTet
+    return np.asarray(consistent_mass(mesh, rho).sum(axis=1)).ravel()
 
-    basis = Basis(MeshTet(mesh.points.T.copy(), mesh.cells.T.astype(np.int64)), ElementTetP1(), intorder=2)
+
+def consistent_mass(mesh: TetMesh, rho: ArrayLike, degree: int = 1) -> sp.csr_matrix:
+    """M_ab = integral of rho N_a N_b [kg], shape [n, n] for the n nodes of `AssembledElasticity`."""
+    from skfem import BilinearForm
+
+    basis = scalar_basis(mesh, degree, intorder=2 * degree)
     density = np.broadcast_to(np.asarray(rho, np.float64), len(mesh.cells))[:, None]
-    matrix = BilinearForm(lambda u, v, w: w.rho * u * v).assemble(basis, rho=density)
-    return np.asarray(matrix.sum(axis=1)).ravel()[basis.nodal_dofs[0]]
+    matrix = BilinearForm(lambda u, v, w: w.rho * u * v).assemble(basis, rho=density).tocsr()
+    return matrix[node_dofs(basis)][:, node_dofs(basis)]
+
+
+def scalar_basis(mesh: TetMesh, degree: int, intorder: int) -> Any:
+    """scikit-fem's Basis of Lagrange shape functions of degree 1 or 2 on the tetrahedra."""
+    from skfem import Basis, ElementTetP1, ElementTetP2, MeshTet
+
+    element = {1: ElementTetP1, 2: ElementTetP2}[degree]()
+    return Basis(MeshTet(mesh.points.T.copy(), mesh.cells.T.astype(np.int64)), element, intorder=intorder)
+
+
+def node_dofs(basis: Any) -> NDArray[np.int64]:
+    """scikit-fem's number of each node: vertices first, then the midpoints of edges."""
+    return np.concatenate([basis.nodal_dofs.ravel(), basis.edge_dofs.ravel()]).astype(np.int64)
 
 
 def cofactor(F: Floats) -> Floats:
@@ -105,17 +130,9 @@ def cofactor_derivative(F: Floats, G: Floats) -> Floats:
     return np.einsum("imn,jpq,mp...,nq...->ij...", _EPSILON, _EPSILON, F, G, optimize=True)
 
 
-def _basis(mesh: TetMesh) -> Any:
-    from skfem import Basis, ElementTetP1, ElementVector, MeshTet
-
-    # P1 gradients are constant in an element: one quadrature point is exact.
-    return Basis(
-        MeshTet(mesh.points.T.copy(), mesh.cells.T.astype(np.int64)), ElementVector(ElementTetP1()), intorder=0
-    )
-
-
-def _deformation_gradient(w: Any) -> Any:
-    return np.eye(3)[:, :, None, None] + w.u.grad
+def _cofactor_slope(F: Floats, i: int, k: int) -> Floats:
+    """dC_ij / dF_kl = eps_ikn eps_jlq F_nq, shape [3, 3, ...] of j and l; F is [3, 3, ...]."""
+    return np.einsum("n,jlq,nq...->jl...", _EPSILON[i, k], _EPSILON, F, optimize=True)
 
 
 def _determinant(F: Floats) -> Floats:
