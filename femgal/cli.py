@@ -22,6 +22,7 @@ class _LazyGroup(click.Group):
         "scenes": "List the built-in scenes, or print one as TOML.",
         "mesh": "Make, inspect and convert meshes.",
         "view": "Draw a picture of a run.",
+        "verify": "Check the solvers against references, row by row.",
         "bench": "Measure how fast the passes are on this machine.",
     }
 

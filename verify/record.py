@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
@@ -18,12 +18,21 @@ from verify.use import DEVICES, Use, unavailable
 SCHEMA = "femgal-verify-1"
 
 
-def record(results: Sequence[Result], use: Use, command: str) -> dict[str, Any]:
+def record(
+    results: Sequence[Result],
+    use: Use,
+    command: str,
+    *,
+    wall_seconds: float | None = None,
+    not_run: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
     """Everything about a run of the suite, ready for JSON.
 
     Parameters
     ----------
     command : What was typed, without paths.
+    wall_seconds : Duration of the run [s].
+    not_run : What the run left out, and why.
     """
     return {
         "schema": SCHEMA,
@@ -37,8 +46,8 @@ def record(results: Sequence[Result], use: Use, command: str) -> dict[str, Any]:
             **describe_machine(),
             **_versions(),
         },
-        "summary": summary(results),
-        "rows": [_row(result) for result in results],
+        "summary": summary(results) | {"wall_seconds": wall_seconds, "not_run": dict(not_run or {})},
+        "rows": [as_row(result) for result in results],
     }
 
 
@@ -55,7 +64,8 @@ def summary(results: Sequence[Result]) -> dict[str, Any]:
     }
 
 
-def _row(result: Result) -> dict[str, Any]:
+def as_row(result: Result) -> dict[str, Any]:
+    """One result as plain data, with everything that a stranger needs to check it."""
     case, measured = result.row.case, result.measurement
     return {
         "id": str(result.row),

@@ -43,7 +43,7 @@ def prepare_output(folder: Path, *, resume: bool) -> Path:
     elif traces:
         advice = "add --resume to go on with it, or choose another --out"
         raise _error("output folder holds an earlier run", path, ", ".join(traces), "a new or empty folder", advice)
-    _try_writing(path)
+    try_writing(path)
     return path
 
 
@@ -89,7 +89,14 @@ def _need_run(path: Path, traces: list[str]) -> None:
         raise _error("nothing to resume from", path, f"{frames} frames without a checkpoint", allowed, advice)
 
 
-def _try_writing(path: Path) -> None:
+def try_writing(path: Path) -> None:
+    """Make a folder, with its parents, and write a file that nobody sees.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made or written.
+    """
     # Asking os.access is no substitute: it says yes to root on a read-only file system's folders and knows no quota.
     try:
         path.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`femgal verify`: what is right, against which kind of reference, to which tolerance."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from verify.case import Row
+    from verify.use import Use
+
+FAILURES, NOT_RUN, INTERRUPTED = 1, 2, 130
+
+
+@click.command()
+@click.option("--list", "listing", is_flag=True, help="Print the cases and run none.")
+@click.option(
+    "-k", "pattern", metavar="PATTERN", help="Part of an id or title, or a pattern with *; several by blanks."
+)
+@click.option("--quick/--full", default=True, help="Below a minute of CPU time (the default), or everything.")
+@click.option("--device", type=click.Choice(("cpu", "cuda")), default="cpu", show_default=True)
+@click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Write JSON, JUnit, Markdown and HTML.")
+@click.option("--json", "json_path", metavar="PATH", help="Write the record to PATH; - prints it and nothing else.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file; write into a folder that holds other files.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    listing: bool,
+    pattern: str | None,
+    quick: bool,
+    device: str,
+    report: Path | None,
+    json_path: str | None,
+    force: bool,
+) -> None:
+    """Run the verification suite: every row is a computed number, its reference, and what may lie between them.
+
+    \b
+    femgal verify                         quick rows, below a minute of CPU time
+    femgal verify -k material --full      all rows of a topic
+    femgal verify --full --report out/    out/verify.html shows everything
+    Exit codes: 0 all pass, 1 failures, 2 could not run, 130 interrupted.
+    """  # noqa: D301 - click reads the backspace
+    from verify.suite import choose
+
+    rows = choose(pattern, quick=quick)
+    if listing:
+        from verify.listing import listing as lines_of
+
+        click.echo("\n".join(lines_of(rows)))
+        return
+    from verify.use import Use
+
+    outputs = Outputs(report, json_path, force)
+    _need_packages()
+    use = Use(device)
+    _need_device(use)
+    left_out = _left_out(quick, pattern, len(rows))
+    ctx.exit(carry_out(rows, use, outputs, left_out))
+
+
+class Outputs:
+    """Where the results go, checked before anything is computed.
+
+    Raises
+    ------
+    InputError
+        A file or a folder cannot be written, or holds something else.
+    """
+
+    def __init__(self, report: Path | None, json_path: str | None, force: bool) -> None:
+        from femgal.output.report import prepare_report
+        from meshes.io.source import writable
+        from reports.verification.render import NAMES
+
+        self.json_alone = json_path == "-"
+        self.file = writable(Path(json_path), force=force) if json_path and not self.json_alone else None
+        self.folder = prepare_report(report, NAMES, force=force) if report else None
+
+    def write(self, record: dict[str, Any]) -> list[Path]:
+        """Write what was asked for and return the paths; print the record where it was asked for."""
+        from femgal.output.atomic import write_text
+        from femgal.output.report import write_report
+        from reports.verification.render import json_text, render
+
+        if self.json_alone:
+            click.echo(json_text(record), nl=False)
+        if self.file is not None:
+            write_text(self.file, json_text(record))
+        if self.folder is not None:
+            write_report(self.folder, render(record))
+        return [path for path in (self.file, self.folder) if path is not None]
+
+
+def carry_out(rows: Sequence[Row], use: Use, outputs: Outputs, left_out: dict[str, str]) -> int:
+    """Run rows, show and write their results, and return the exit code; Ctrl-C ends the run, not the report."""
+    from femgal.commands.suite_progress import SuiteProgress
+    from reports.verification.words import summary_lines
+    from verify.record import as_row, record
+    from verify.suite import Result, run_all
+
+    results: list[Result] = []
+    began, interrupted = time.perf_counter(), False
+    progress = SuiteProgress(len(rows), on_stderr=outputs.json_alone)
+
+    def finish(result: Result) -> None:
+        results.append(result)
+        progress.finish(as_row(result))
+
+    with progress:
+        try:
+            run_all(rows, use, progress.start, finish)
+        except KeyboardInterrupt:
+            interrupted = True
+            left_out = {f"{len(rows) - len(results)} rows": "interrupted"} | left_out
+    wall = time.perf_counter() - began
+    content = record(results, use, _typed(), wall_seconds=wall, not_run=left_out)
+    code = INTERRUPTED if interrupted else _exit_code(content["summary"]["status"])
+    progress.print("")
+    for number, line in enumerate(summary_lines(content)):
+        progress.print(line, ("green" if code == 0 else "bold red") if number == 0 else "")
+    for path in outputs.write(content):
+        progress.print(f"wrote {path}")
+    return code
+
+
+def _exit_code(status: dict[str, int]) -> int:
+    if status["FAIL"]:
+        return FAILURES
+    return 0 if status["PASS"] or status["INFO"] else NOT_RUN
+
+
+def _typed() -> str:
+    """The command without paths: they are nobody's business who reads a report."""
+    import sys
+
+    words = [Path(word).name + ("/" if word.endswith("/") else "") if "/" in word else word for word in sys.argv[1:]]
+    return " ".join(["femgal", *words])
+
+
+def _left_out(quick: bool, pattern: str | None, chosen: int) -> dict[str, str]:
+    from verify.suite import choose
+    from verify.use import DEVICES, unavailable
+
+    reasons = {device: reason for device in DEVICES if (reason := unavailable(device))}
+    more = len(choose(pattern)) - chosen if quick else 0
+    return ({f"{more} rows": "they take longer; --full runs them"} if more else {}) | reasons
+
+
+def _need_packages() -> None:
+    from importlib.util import find_spec
+
+    from meshes.errors import InputError
+
+    packages = {"skfem": "scikit-fem", "pyamg": "pyamg"}
+    missing = [name for module, name in packages.items() if find_spec(module) is None]
+    if missing:
+        raise InputError(
+            "the references need packages that are not installed",
+            where="femgal verify",
+            found="no " + ", no ".join(missing),
+            advice='pip install "femgal[verify]"',
+        )
+
+
+def _need_device(use: Use) -> None:
+    from meshes.errors import InputError
+    from verify.use import DEVICES, unavailable
+
+    if reason := unavailable(use.device):
+        allowed = ", ".join(name for name in DEVICES if not unavailable(name))
+        raise InputError(
+            "the device cannot be used here", where="--device", found=f"{use.device}: {reason}", allowed=allowed
+        )
