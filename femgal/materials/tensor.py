@@ -92,6 +92,22 @@ def apply(A: Tensor, u: Vector) -> Vector:
 
 
 @scalar
+def add(A: Tensor, B: Tensor) -> Tensor:
+    """A + B."""
+    return (
+        A[0] + B[0],
+        A[1] + B[1],
+        A[2] + B[2],
+        A[3] + B[3],
+        A[4] + B[4],
+        A[5] + B[5],
+        A[6] + B[6],
+        A[7] + B[7],
+        A[8] + B[8],
+    )
+
+
+@scalar
 def combine(a: Any, A: Tensor, b: Any, B: Tensor) -> Tensor:
     """a A + b B."""
     return (

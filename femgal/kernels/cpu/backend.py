@@ -178,7 +178,8 @@ class CpuBackend(NodeWork):
 
 def _element_arrays(tiles: Tiles) -> tuple[Any, ...]:
     """Arguments of every pass after positions and directions."""
-    return tiles.vertex_ptr, tiles.vertex, tiles.corner, tiles.rest, tiles.most_vertices
+    arrays = (tiles.vertex_ptr, tiles.vertex, tiles.corner, tiles.rest, tiles.anchor, tiles.anchor_inverse)
+    return *arrays, tiles.most_vertices
 
 
 def _children(layer: Layer) -> tuple[NDArray, NDArray, NDArray]:

@@ -2,8 +2,9 @@
 """The arithmetic of the element passes on one tile: rows of lanes in, rows of lanes out.
 
 Each function is one loop over the lanes without a gather or a scatter, so that it becomes vector code; nothing in it
-converts a float32 to float64. `points` and `direction` hold the twelve coordinates of the four vertices, `rest` the
-rest quantities of the tile (`femgal.kernels.cpu.tiles`).
+converts a float32 to float64. `points` and `direction` hold the twelve coordinates of the four vertices, `affine` the
+displacement gradient that has been taken off the points of the whole block, nine values, and `rest` the rest
+quantities of the tile (`femgal.kernels.cpu.tiles`).
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from femgal.materials.displacement_form import (
     stress_increment,
 )
 from femgal.materials.stable_neo_hookean import stress_increment_definite
-from femgal.materials.tensor import Tensor, Vector, apply, multiply
+from femgal.materials.tensor import Tensor, Vector, add, apply, multiply
 from meshes.jit import scalar
 
 Reals = NDArray[np.floating]
@@ -62,6 +63,29 @@ def _gradient(tile: Reals, l: int, B: Tensor) -> Tensor:  # noqa: E741
 
 
 @scalar
+def _block_gradient(affine: Reals) -> Tensor:
+    """The affine part that all lanes of a block share; read before the loop, so that it stays in registers."""
+    return (
+        affine[0],
+        affine[1],
+        affine[2],
+        affine[3],
+        affine[4],
+        affine[5],
+        affine[6],
+        affine[7],
+        affine[8],
+    )
+
+
+@scalar
+def _displacement_gradient(tile: Reals, l: int, B: Tensor, A: Tensor) -> Tensor:  # noqa: E741
+    """G = A + sum_k d_k (x) grad N_k of lane l; in float64, where A is zero, without the sum."""
+    G = _gradient(tile, l, B)
+    return add(A, G) if tile.itemsize == 4 else G
+
+
+@scalar
 def _store_vector(tile: Reals, at: int, v: Vector) -> None:
     tile[at], tile[W + at], tile[2 * W + at] = v[0], v[1], v[2]
 
@@ -93,11 +117,12 @@ def _store_forces(tile: Reals, l: int, P: Tensor, B: Tensor) -> None:  # noqa: E
 
 
 @scalar
-def tile_terms(points: Reals, rest: Reals, terms: Reals) -> None:
+def tile_terms(points: Reals, affine: Reals, rest: Reals, terms: Reals) -> None:
     """Gradient and block of all four vertices of each lane: 36 rows from 12 rows of displacements."""
+    A = _block_gradient(affine)
     for l in range(W):  # noqa: E741
         B, mu, lam = _tensor(rest, l), rest[9 * W + l], rest[10 * W + l]
-        P, C = stress_and_cofactor(_gradient(points, l, B), mu, lam)
+        P, C = stress_and_cofactor(_displacement_gradient(points, l, B, A), mu, lam)
         u0, u1, u2, u3 = _corner_gradients(B)
         _store_nine(terms, l, node_terms(P, C, mu, lam, u0))
         _store_nine(terms, 9 * W + l, node_terms(P, C, mu, lam, u1))
@@ -106,47 +131,56 @@ def tile_terms(points: Reals, rest: Reals, terms: Reals) -> None:
 
 
 @scalar
-def tile_forces(points: Reals, rest: Reals, forces: Reals) -> None:
+def tile_forces(points: Reals, affine: Reals, rest: Reals, forces: Reals) -> None:
     """Gradient of all four vertices of each lane: 12 rows."""
+    A = _block_gradient(affine)
     for l in range(W):  # noqa: E741
         B, mu, lam = _tensor(rest, l), rest[9 * W + l], rest[10 * W + l]
-        P, _ = stress_and_cofactor(_gradient(points, l, B), mu, lam)
+        P, _ = stress_and_cofactor(_displacement_gradient(points, l, B, A), mu, lam)
         _store_forces(forces, l, P, B)
 
 
 @scalar
-def tile_products(points: Reals, direction: Reals, rest: Reals, forces: Reals) -> None:
+def tile_products(points: Reals, affine: Reals, direction: Reals, rest: Reals, forces: Reals) -> None:
     """Hessian times a direction, of all four vertices of each lane: 12 rows."""
+    A = _block_gradient(affine)
     for l in range(W):  # noqa: E741
         B, mu, lam = _tensor(rest, l), rest[9 * W + l], rest[10 * W + l]
-        P = stress_increment(_gradient(points, l, B), _gradient(direction, l, B), mu, lam)
+        P = stress_increment(_displacement_gradient(points, l, B, A), _gradient(direction, l, B), mu, lam)
         _store_forces(forces, l, P, B)
 
 
 @scalar
-def tile_definite_products(points: Reals, direction: Reals, rest: Reals, forces: Reals) -> None:
+def tile_definite_products(points: Reals, affine: Reals, direction: Reals, rest: Reals, forces: Reals) -> None:
     """The same with the positive semi-definite part of each element's Hessian."""
+    A = _block_gradient(affine)
     for l in range(W):  # noqa: E741
         B, mu, lam = _tensor(rest, l), rest[9 * W + l], rest[10 * W + l]
-        F = add_identity(_gradient(points, l, B))
+        F = add_identity(_displacement_gradient(points, l, B, A))
         _store_forces(forces, l, stress_increment_definite(F, _gradient(direction, l, B), mu, lam), B)
 
 
 @scalar
-def tile_stresses(points: Reals, rest: Reals, tensors: Reals) -> None:
+def tile_stresses(points: Reals, affine: Reals, rest: Reals, tensors: Reals) -> None:
     """P and C of each lane: 18 rows."""
+    A = _block_gradient(affine)
     for l in range(W):  # noqa: E741
-        P, C = stress_and_cofactor(_gradient(points, l, _tensor(rest, l)), rest[9 * W + l], rest[10 * W + l])
+        P, C = stress_and_cofactor(
+            _displacement_gradient(points, l, _tensor(rest, l), A), rest[9 * W + l], rest[10 * W + l]
+        )
         _store_nine(tensors, l, P)
         _store_nine(tensors, 9 * W + l, C)
 
 
 @scalar
-def tile_stress_increments(points: Reals, direction: Reals, rest: Reals, tensors: Reals) -> None:
+def tile_stress_increments(points: Reals, affine: Reals, direction: Reals, rest: Reals, tensors: Reals) -> None:
     """dP of each lane: 9 rows."""
+    A = _block_gradient(affine)
     for l in range(W):  # noqa: E741
         B, mu, lam = _tensor(rest, l), rest[9 * W + l], rest[10 * W + l]
-        _store_nine(tensors, l, stress_increment(_gradient(points, l, B), _gradient(direction, l, B), mu, lam))
+        _store_nine(
+            tensors, l, stress_increment(_displacement_gradient(points, l, B, A), _gradient(direction, l, B), mu, lam)
+        )
 
 
 @scalar
@@ -165,19 +199,23 @@ def tile_pair_forces(tensors: Reals, u: Reals, forces: Reals) -> None:
 
 
 @scalar
-def tile_energies(points: Reals, rest: Reals, out: Reals) -> None:
+def tile_energies(points: Reals, affine: Reals, rest: Reals, out: Reals) -> None:
     """Energy and J - 1 of each lane: 2 rows."""
+    A = _block_gradient(affine)
     for l in range(W):  # noqa: E741
-        energy, j = energy_and_volume(_gradient(points, l, _tensor(rest, l)), rest[9 * W + l], rest[10 * W + l])
+        energy, j = energy_and_volume(
+            _displacement_gradient(points, l, _tensor(rest, l), A), rest[9 * W + l], rest[10 * W + l]
+        )
         out[l], out[W + l] = energy, j
 
 
 @scalar
-def tile_energies_along(points: Reals, direction: Reals, rest: Reals, sums: Reals) -> None:
+def tile_energies_along(points: Reals, affine: Reals, direction: Reals, rest: Reals, sums: Reals) -> None:
     """Add the six coefficients of each lane to 6 rows."""
+    A = _block_gradient(affine)
     for l in range(W):  # noqa: E741
         B = _tensor(rest, l)
-        G, dG = _gradient(points, l, B), _gradient(direction, l, B)
+        G, dG = _displacement_gradient(points, l, B, A), _gradient(direction, l, B)
         p = energy_along(G, dG, rest[9 * W + l], rest[10 * W + l])
         sums[l] += p[0]
         sums[W + l] += p[1]

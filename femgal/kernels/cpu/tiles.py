@@ -22,6 +22,7 @@ from femgal.discretisation import Discretisation
 from femgal.hierarchy.layer import Layer, element_pairs
 from femgal.kernels.backend import Precision
 from femgal.kernels.cpu.simd import W
+from femgal.materials.vector import cross, dot
 from meshes.jit import kernel, scalar
 
 Floats = NDArray[np.float64]
@@ -49,6 +50,9 @@ class Tiles:
     vertex_ptr, vertex : Vertices of each block, shape [b + 1] and [vertices].
     corner : The four vertices of each lane, numbered within the block, shape [tiles 4 W].
     rest : Rest quantities, shape [tiles REST W].
+    anchor : Four vertices of each block that span much of it, shape [b, 4].
+    anchor_inverse : Inverse of the matrix whose columns are the rest edges from the first anchor to the others [1/m],
+        row by row, zero where they span nothing, shape [b, 9]. Both are zero in float64, which needs none.
     """
 
     n_elements: int
@@ -57,6 +61,8 @@ class Tiles:
     vertex: Ints
     corner: Shorts
     rest: Reals
+    anchor: Ints
+    anchor_inverse: Floats
 
     @property
     def n_blocks(self) -> int:
@@ -113,7 +119,10 @@ def build_tiles(disc: Discretisation, active: Ints, precision: Precision) -> Til
     _list(disc.mesh.cells, element, corner, vertex_ptr, vertex)
     rest = np.zeros(REST * len(element), precision)
     _fill_rest(element, disc.B, disc.Vmu, disc.Vlam, rest)
-    return Tiles(len(active), element, vertex_ptr, vertex, corner, rest)
+    anchor, anchor_inverse = np.zeros((n_blocks, 4), np.int32), np.zeros((n_blocks, 9))
+    if precision == "float32":
+        _find_anchors(disc.mesh.points, vertex_ptr, vertex, anchor, anchor_inverse)
+    return Tiles(len(active), element, vertex_ptr, vertex, corner, rest, anchor, anchor_inverse)
 
 
 def vertex_slots(tiles: Tiles, layer: Layer) -> Slots:
@@ -187,6 +196,41 @@ def _list(tets: Ints, element: Ints, corner: Shorts, vertex_ptr: Longs, vertex: 
             first = vertex_ptr[k // BLOCK]
             for c in range(4):
                 vertex[first + corner[(k // W) * 4 * W + c * W + k % W]] = tets[element[k], c]
+
+
+@kernel
+def _find_anchors(X: Floats, vertex_ptr: Longs, vertex: Ints, anchor: Ints, inverse: Floats) -> None:
+    """Four vertices of each block: its first, then each the one that spans most length, area and volume with them.
+
+    No vertex is farther than the last from the plane of the others, so the map through the four exaggerates nowhere.
+    """
+    edges = np.zeros(9)
+    for b in range(len(vertex_ptr) - 1):
+        own = vertex[vertex_ptr[b] : vertex_ptr[b + 1]]
+        o = own[0]
+        anchor[b] = o
+        edges[:] = 0.0
+        det = 0.0
+        for k in range(3):
+            most = 0.0
+            for v in own:
+                r = (X[v, 0] - X[o, 0], X[v, 1] - X[o, 1], X[v, 2] - X[o, 2])
+                span = r
+                if k == 1:
+                    span = cross((edges[0], edges[1], edges[2]), r)
+                elif k == 2:
+                    normal = cross((edges[0], edges[1], edges[2]), (edges[3], edges[4], edges[5]))
+                    span = (dot(normal, r), 0.0, 0.0)
+                if dot(span, span) > most:
+                    most, det = dot(span, span), span[0]
+                    anchor[b, k + 1] = v
+                    edges[3 * k], edges[3 * k + 1], edges[3 * k + 2] = r
+        if most > 0.0:
+            e, f, g = (edges[0], edges[1], edges[2]), (edges[3], edges[4], edges[5]), (edges[6], edges[7], edges[8])
+            for c in range(3):
+                inverse[b, c] = cross(f, g)[c] / det
+                inverse[b, 3 + c] = cross(g, e)[c] / det
+                inverse[b, 6 + c] = cross(e, f)[c] / det
 
 
 @kernel
