@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +47,13 @@ def at_most(value: float, bound: float, note: str = "", plots: tuple[Plot, ...] 
     excess = value - bound
     error = max(0.0, excess) / max(abs(bound), np.finfo(float).tiny) if np.isfinite(value) else float("inf")
     return Measurement(value, bound, error, note, plots)
+
+
+def worst(found: Mapping[str, Measurement]) -> Measurement:
+    """The measurement with the largest error, one that is not a number before all others; the note says whose it is."""
+    name = max(found, key=lambda one: found[one].error if np.isfinite(found[one].error) else np.inf)
+    note = f"worst of {len(found)}: {name}" if len(found) > 1 else name
+    return replace(found[name], note="; ".join(filter(None, (note, found[name].note))))
 
 
 def observed_orders(h: Sequence[float], errors: Sequence[float]) -> list[float]:
