@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -100,6 +100,11 @@ def body(name: str, material: str = "varied", held: bool = True) -> Discretisati
         return own_body()
     constrained = left_end(mesh(name), 0.1 * float(np.ptp(mesh(name).points[:, 0]))) if held else ()
     return {"varied": varied, "uniform": uniform}[material](mesh(name), constrained)
+
+
+def released(disc: Discretisation) -> Discretisation:
+    """The same body with nothing held."""
+    return replace(disc, free=np.ones(disc.n_vertices, bool))
 
 
 _own: list[Discretisation] = []
