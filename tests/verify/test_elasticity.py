@@ -7,6 +7,8 @@
 3. A confined stretch s has the energy V ((mu + lam) / 2 (s - 1)^2).
 4. The lumped masses add up to density times volume.
 5. cofactor(F)^T F = det F I, and its derivative agrees with differences.
+6. All of 1 holds for quadratic shape functions, whose energy of a quadratic field is the integral by hand; their
+   consistent mass adds up to the mass, and so does that of linear ones.
 """
 
 from __future__ import annotations
@@ -15,7 +17,13 @@ import numpy as np
 import pytest
 
 from verify.problems import distorted_box, positions, rng
-from verify.reference.elasticity import AssembledElasticity, cofactor, cofactor_derivative, lumped_mass
+from verify.reference.elasticity import (
+    AssembledElasticity,
+    cofactor,
+    cofactor_derivative,
+    consistent_mass,
+    lumped_mass,
+)
 
 MESH = distorted_box((3, 2, 2))
 MU, LAM = 3.0, 11.0
@@ -26,9 +34,18 @@ def assembled():
     return AssembledElasticity(MESH, MU, LAM)
 
 
+@pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("state", ["random", "inverted"])
-def test_derivatives(assembled, state):
-    x, d = positions(MESH, state), rng(301).standard_normal(MESH.points.shape)
+def test_derivatives(degree, state):
+    assembled = AssembledElasticity(MESH, MU, LAM, degree)
+    x = (
+        positions(MESH, state)
+        if degree == 1
+        else assembled.nodes + 0.03 * rng(303).standard_normal(assembled.nodes.shape)
+    )
+    if degree == 2 and state == "inverted":
+        x = x * [-1.0, 0.9, 1.2]
+    d = rng(301).standard_normal(x.shape)
     d /= np.linalg.norm(d)
     h = 1e-5
     slope = (assembled.energy(x + h * d) - assembled.energy(x - h * d)) / (2 * h)
@@ -67,3 +84,25 @@ def test_cofactor():
     h = 1e-6
     difference = (cofactor(F + h * G) - cofactor(F - h * G)) / (2 * h)
     np.testing.assert_allclose(cofactor_derivative(F, G), difference, atol=1e-8)
+
+
+def test_quadratic_energy():
+    # u1 = a x^2 without other components: F11 = 1 + 2 a x, and the energy density is (mu + lam) / 2 (F11 - 1)^2.
+    elasticity, a = AssembledElasticity(MESH, MU, LAM, degree=2), 0.3
+    length, width, height = np.ptp(MESH.points, axis=0)
+    x = elasticity.nodes + a * elasticity.nodes[:, :1] ** 2 * [1.0, 0.0, 0.0]
+    expected = 0.5 * (MU + LAM) * 4.0 * a**2 * length**3 / 3.0 * width * height
+    assert elasticity.energy(x) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_consistent_mass(degree):
+    rho = 2.0 + np.arange(len(MESH.cells))
+    M = consistent_mass(MESH, rho, degree)
+    assert M.sum() == pytest.approx(float((rho * MESH.volumes).sum()), rel=1e-13)
+    # The integral of x^2 over a box is exact from quadratic functions on.
+    if degree == 2:
+        x = AssembledElasticity(MESH, MU, LAM, 2).nodes[:, 0]
+        length, width, height = np.ptp(MESH.points, axis=0)
+        exact = length**3 / 3.0 * width * height
+        assert x @ consistent_mass(MESH, 1.0, 2) @ x == pytest.approx(exact, rel=1e-12)

@@ -112,7 +112,8 @@ def scalar_basis(mesh: TetMesh, degree: int, intorder: int) -> Any:
     from skfem import Basis, ElementTetP1, ElementTetP2, MeshTet
 
     element = {1: ElementTetP1, 2: ElementTetP2}[degree]()
-    return Basis(MeshTet(mesh.points.T.copy(), mesh.cells.T.astype(np.int64)), element, intorder=intorder)
+    cells = np.ascontiguousarray(mesh.cells.T, np.int64)
+    return Basis(MeshTet(np.ascontiguousarray(mesh.points.T), cells), element, intorder=intorder)
 
 
 def node_dofs(basis: Any) -> NDArray[np.int64]:

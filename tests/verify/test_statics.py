@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The reference solver for statics.
+
+1. It ends where forces and load balance, with steps that shrink quadratically.
+2. Algebraic multigrid and the sparse factorisation lead to the same positions.
+3. Production's forces lead to the positions of scikit-fem's.
+4. Quadratic elements on rollers give the hanging bar, a parabola, to rounding at finite strain.
+5. Rigid body modes are the null space of the stiffness at rest.
+6. Multigrid says when it has no solution: a body that nothing holds, pushed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from femgal.kernels.cpu.backend import CpuBackend
+from verify.problems import distorted_box, left_end, uniform, varied
+from verify.reference.elasticity import AssembledElasticity, consistent_mass
+from verify.reference.statics import ProductionElasticity, equilibrium, rigid_body_modes, solve_by_multigrid
+
+MESH = distorted_box((6, 3, 3))
+DISC = varied(MESH, left_end(MESH))
+REFERENCE = AssembledElasticity(MESH, DISC.mu, DISC.lam)
+LOAD = DISC.mass[:, None] * np.array([0.0, 0.0, -10.0])
+FREE = np.repeat(DISC.free[:, None], 3, axis=1)
+
+
+def hanging(elasticity=REFERENCE, linear="direct"):
+    return equilibrium(elasticity, LOAD, FREE, MESH.points, linear=linear)
+
+
+def test_equilibrium():
+    result = hanging()
+    assert result.converged
+    residual = (REFERENCE.gradient(result.x) - LOAD)[DISC.free]
+    assert np.abs(residual).max() < 1e-9 * np.abs(LOAD).max()
+    assert result.steps[-1] < result.steps[-2] ** 1.5
+    assert np.abs(result.x - MESH.points).max() > 1e-3
+
+
+def test_linear_solvers_agree():
+    np.testing.assert_allclose(hanging(linear="multigrid").x, hanging().x, atol=1e-11)
+
+
+def test_production_forces():
+    np.testing.assert_allclose(hanging(ProductionElasticity.of(CpuBackend(DISC, 1))).x, hanging().x, atol=1e-11)
+
+
+def test_quadratic_elements_hang_in_a_parabola():
+    disc = uniform(MESH)
+    elasticity = AssembledElasticity(MESH, disc.mu, disc.lam, degree=2)
+    X, length = elasticity.nodes, float(np.ptp(MESH.points[:, 0]))
+    rho = 0.4 * (disc.mu[0] + disc.lam[0]) / (10.0 * length)
+    load = consistent_mass(MESH, rho, 2) @ np.ones((len(X), 1)) * [10.0, 0.0, 0.0]
+    free = np.zeros(X.shape, bool)
+    free[X[:, 0] > 0.0, 0] = True
+    result = equilibrium(elasticity, load, free, X)
+    exact = rho * 10.0 * (length * X[:, 0] - 0.5 * X[:, 0] ** 2) / (disc.mu[0] + disc.lam[0])
+    np.testing.assert_allclose(result.x[:, 0] - X[:, 0], exact, atol=1e-12)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_rigid_body_modes(degree):
+    elasticity = AssembledElasticity(MESH, DISC.mu, DISC.lam, degree)
+    K, modes = elasticity.hessian(elasticity.nodes), rigid_body_modes(elasticity.nodes)
+    assert np.linalg.matrix_rank(modes) == 6
+    assert np.abs(K @ modes).max() < 1e-9 * abs(K).max()
+
+
+def test_multigrid_says_when_it_fails():
+    pushed = np.ones(3 * DISC.n_vertices)
+    with pytest.raises(ArithmeticError, match="unknowns"):
+        solve_by_multigrid(REFERENCE.hessian(MESH.points), pushed, rigid_body_modes(MESH.points))
