@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""How large single terms are: what the rounding of energies, forces and stiffnesses is relative to, on any mesh.
+
+A deformation gradient F = D Dm^-1 is a sum of products of positions and of inverse rest edges, so it carries an error
+of u f, with u the unit roundoff and f = (|D| + r) |Dm^-1|; in a sliver f is much larger than |F|. Positions are given
+in float64, so r is the largest coordinate in float64 and 2^-29 of it in float32. To first order such an error changes
+the energy by |P| u f, the stress by |H| u f and the Hessian by |dH/dF| u f. Sums over the elements of a vertex add
+these up. A difference of two results over the sum of these terms is about u for any element shape, material and
+deformation; a wrong formula makes it of the order of one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.discretisation import Discretisation
+from femgal.kernels.backend import Precision
+
+Floats = NDArray[np.float64]
+
+# Twice the unit roundoff of each precision.
+EPSILON = {name: float(np.finfo(name).eps) for name in ("float64", "float32")}
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Sizes of the terms of each element, shape [m] each; Frobenius norms throughout.
+
+    Parameters
+    ----------
+    energy : V (mu/2 |F|^2 + mu |J - 1| + lam/2 (J - 1)^2 + |P| f) [J].
+    force : V |Dm^-1| f (mu + lam |C|^2 + |c| |F|) [N].
+    stiffness : V |Dm^-1|^2 (mu + lam |C|^2 + |c| |F| + f (lam |C| |F| + |c|)) [N/m].
+    volume_ratio : 1 + f |C|.
+    """
+
+    energy: Floats
+    force: Floats
+    stiffness: Floats
+    volume_ratio: Floats
+
+
+def terms(disc: Discretisation, x: Floats, precision: Precision = "float64") -> Terms:
+    """Sizes of the terms at positions x [m], shape [n, 3]."""
+    reach = float(np.abs(x).max()) * EPSILON["float64"] / EPSILON[precision]
+    D = (x[disc.mesh.cells[:, 1:]] - x[disc.mesh.cells[:, :1]]).transpose(0, 2, 1)
+    B = disc.B.reshape(-1, 3, 3)
+    F = D @ B
+    # The cofactor's columns are cross products of F's; at F of rank 2 and less too.
+    C = np.stack([np.cross(F[:, :, i - 2], F[:, :, i - 1]) for i in range(3)], axis=2)
+    j = np.einsum("ei,ei->e", F[:, :, 0], C[:, :, 0]) - 1.0
+    c = np.abs(disc.lam * j - disc.mu)
+    f = (_norm(D) + reach) * _norm(B)
+    stress = disc.mu * _norm(F) + c * _norm(C)
+    curvature = disc.mu + disc.lam * _norm(C) ** 2 + c * _norm(F)
+    energy = 0.5 * disc.mu * _norm(F) ** 2 + disc.mu * np.abs(j) + 0.5 * disc.lam * j**2 + stress * f
+    stiffness = curvature + f * (disc.lam * _norm(C) * _norm(F) + c)
+    return Terms(
+        disc.V * energy, disc.V * _norm(B) * f * curvature, disc.V * _norm(B) ** 2 * stiffness, f * _norm(C) + 1.0
+    )
+
+
+def at_vertices(disc: Discretisation, values: Floats) -> Floats:
+    """Sum over the elements of each vertex of one value per element, shape [n, 1], to divide vectors by."""
+    out = np.zeros((disc.n_vertices, 1))
+    np.add.at(out[:, 0], disc.mesh.cells.ravel(), np.repeat(values, 4))
+    return out
+
+
+def product_terms(disc: Discretisation, x: Floats, d: Floats, precision: Precision = "float64") -> Floats:
+    """Sizes of the terms of a Hessian product with d [m], stiffness times |d| summed over elements, shape [n, 1]."""
+    size = np.linalg.norm(d[disc.mesh.cells], axis=(1, 2))
+    return at_vertices(disc, terms(disc, x, precision).stiffness * size)
+
+
+def _norm(A: Floats) -> Floats:
+    return np.linalg.norm(A, axis=(1, 2))
