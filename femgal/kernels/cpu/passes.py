@@ -86,16 +86,19 @@ def _load_displacements(
             for k in range(3):
                 inverse = anchor_inverse[b, k], anchor_inverse[b, 3 + k], anchor_inverse[b, 6 + k]
                 A[3 * c + k] = e0 * inverse[0] + e1 * inverse[1] + e2 * inverse[2]
+    # A as rounded to float32, in float64: what is taken off here is exactly what the tile adds to G.
+    A0, A1, A2 = np.float64(A[0]), np.float64(A[1]), np.float64(A[2])
+    A3, A4, A5 = np.float64(A[3]), np.float64(A[4]), np.float64(A[5])
+    A6, A7, A8 = np.float64(A[6]), np.float64(A[7]), np.float64(A[8])
     first = vertex_ptr[b]
     for j in range(vertex_ptr[b + 1] - first):
         v = vertex[first + j]
         d0, d1, d2 = (x[v, 0] - X[v, 0]) - o0, (x[v, 1] - X[v, 1]) - o1, (x[v, 2] - X[v, 2]) - o2
         if points.itemsize == 4:
             r0, r1, r2 = X[v, 0] - X0, X[v, 1] - X1, X[v, 2] - X2
-            # A as rounded to float32, times a float64: what is taken off here is exactly what the tile adds to G.
-            d0 -= A[0] * r0 + A[1] * r1 + A[2] * r2
-            d1 -= A[3] * r0 + A[4] * r1 + A[5] * r2
-            d2 -= A[6] * r0 + A[7] * r1 + A[8] * r2
+            d0 -= A0 * r0 + A1 * r1 + A2 * r2
+            d1 -= A3 * r0 + A4 * r1 + A5 * r2
+            d2 -= A6 * r0 + A7 * r1 + A8 * r2
         points[POINT * j], points[POINT * j + 1], points[POINT * j + 2] = d0, d1, d2
         points[POINT * j + 3] = 0.0
 
