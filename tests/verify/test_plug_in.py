@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A user's own solver.
+
+1. A correct one passes all that it promises; what it does not promise is skipped, and the row says how to promise it.
+2. One that raises, returns something else, wrong shapes or NaN is a failure that says what and where; the arrays that
+   it was given are its own to overwrite.
+3. A function is found by module and name or by file and name; what cannot be found, imported or called is an
+   InputError that says what would do.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meshes.errors import InputError
+from verify import check_solver
+from verify.plug_in import as_solver, load_solver
+from verify.solver_under_test import State
+from verify.suite import Status
+
+SOLVER_FILE = """
+from dataclasses import replace
+import helper_of_mine
+
+def step(mesh, material, state, h):
+    return replace(state, x=state.x + h * state.v)
+
+step.order = 1
+nothing = 3
+
+def two(a, b):
+    return a
+"""
+
+
+def accelerations(mesh, material, x):
+    """In NumPy alone; returns (a, mass)."""
+    X, T = mesh.points, mesh.cells
+    Dm = np.swapaxes(X[T[:, 1:]] - X[T[:, :1]], 1, 2)
+    V, B = np.linalg.det(Dm) / 6.0, np.linalg.inv(Dm)
+    F = np.swapaxes(x[T[:, 1:]] - x[T[:, :1]], 1, 2) @ B
+    f1, f2, f3 = F[:, :, 0], F[:, :, 1], F[:, :, 2]
+    C = np.stack([np.cross(f2, f3), np.cross(f3, f1), np.cross(f1, f2)], axis=2)
+    J = (f1 * C[:, :, 0]).sum(axis=1)
+    P = material.mu[:, None, None] * F + (material.lam * (J - 1.0) - material.mu)[:, None, None] * C
+    forces = V[:, None, None] * P @ np.swapaxes(B, 1, 2)  # on corners 1, 2, 3 as columns
+    f, mass = np.zeros_like(x), np.zeros(len(x))
+    for k in range(3):
+        np.add.at(f, T[:, k + 1], -forces[:, :, k])
+        np.add.at(f, T[:, 0], forces[:, :, k])
+    np.add.at(mass, T.ravel(), np.repeat(material.rho * V / 4.0, 4))
+    return f / mass[:, None]
+
+
+def symplectic_euler(mesh, material, state, h):
+    """A kick, then a drift."""
+    v = state.v + h * (accelerations(mesh, material, state.x) + state.gravity)
+    v[state.constrained] = 0.0
+    return replace(state, x=state.x + h * v, v=v)
+
+
+def statuses(results):
+    return {result.row.case.id: result.status for result in results}
+
+
+def test_a_correct_solver_passes_what_it_promises():
+    results = check_solver(symplectic_euler, order=1, pattern="dynamics/*")
+    assert [f"{r.row}: {r.note}" for r in results if r.status is Status.FAIL] == []
+    found = statuses(results)
+    for law in ("rest", "constrained", "linear-momentum", "centre-of-mass", "turned-start", "restart"):
+        assert found[f"dynamics/{law}"] is Status.PASS
+    assert found["dynamics/energy-decay"] is Status.SKIP
+    skipped = next(result for result in results if result.row.case.id == "dynamics/energy-decay")
+    assert "method = backward-euler" in skipped.note
+
+
+def raising(mesh, material, state, h):
+    raise RuntimeError("no licence")
+
+
+def nothing(mesh, material, state, h):
+    return None
+
+
+def flat(mesh, material, state, h):
+    return replace(state, x=state.x.ravel())
+
+
+def lost(mesh, material, state, h):
+    v = state.v.copy()
+    v[7, 1] = np.nan
+    return State(state.x, v)
+
+
+def vandal(mesh, material, state, h):
+    state.x[:] = 0.0
+    state.v[:] = 0.0
+    return state
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (raising, ("RuntimeError", "no licence", "raising")),
+        (nothing, ("nothing returned NoneType", "State")),
+        (flat, ("x of shape (525,)", "(175, 3)")),
+        (lost, ("v that is not finite", "vertex 7", "1 in all")),
+    ],
+)
+def test_answers_that_are_none(step, words):
+    (result,) = check_solver(step, pattern="dynamics/linear-momentum")
+    assert result.status is Status.FAIL
+    for word in words:
+        assert word in result.note
+
+
+def test_arrays_may_be_overwritten():
+    (first,) = check_solver(vandal, pattern="dynamics/linear-momentum")
+    assert first.status is Status.FAIL
+    (second,) = check_solver(symplectic_euler, pattern="dynamics/linear-momentum")
+    assert second.status is Status.PASS
+
+
+def test_a_solver_is_found_by_file_and_by_module(tmp_path, monkeypatch):
+    (tmp_path / "solver_of_mine.py").write_text(SOLVER_FILE)
+    (tmp_path / "helper_of_mine.py").write_text("")
+    by_file = load_solver(f"{tmp_path / 'solver_of_mine.py'}:step")
+    assert (by_file.name, by_file.method, by_file.order) == ("step", None, 1)
+    monkeypatch.chdir(tmp_path)
+    before = list(sys.path)
+    assert load_solver("solver_of_mine:step").name == "step"
+    assert sys.path == before
+    for text, words in {
+        "step": ("not the name of a function", "module:function"),
+        "no_such_module_of_mine:step": ("cannot be imported", "ModuleNotFoundError"),
+        "absent.py:step": ("no such file", "absent.py"),
+        "solver_of_mine:other": ("no such function", "step, two"),
+        "solver_of_mine:nothing": ("cannot be called", "3"),
+        "solver_of_mine:two": ("wrong arguments", "(mesh, material, state, h)"),
+    }.items():
+        with pytest.raises(InputError) as error:
+            load_solver(text)
+        for word in words:
+            assert word in str(error.value)
+
+
+def test_promises_are_checked():
+    assert as_solver(symplectic_euler, method="verlet").order == 2
+    for promise in ({"method": "leapfrog"}, {"order": 7}, {"method": "verlet", "order": 1}):
+        with pytest.raises(InputError):
+            as_solver(symplectic_euler, **promise)
