@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from verify.benchmark.machine import describe_machine
-from verify.case import Kind
+from verify.case import Kind, Plot
 from verify.suite import Result, Status
 from verify.use import DEVICES, Use, unavailable
 
@@ -87,8 +87,15 @@ def as_row(result: Result) -> dict[str, Any]:
         "status": result.status.value,
         "note": result.note,
         "seconds": result.seconds,
-        "plots": [] if measured is None else [asdict(plot) for plot in measured.plots],
+        "plots": [] if measured is None else [_plot(plot) for plot in measured.plots],
     }
+
+
+def _plot(plot: Plot) -> dict[str, Any]:
+    curves = [
+        {"name": curve.name, "x": [*map(_number, curve.x)], "y": [*map(_number, curve.y)]} for curve in plot.curves
+    ]
+    return asdict(plot) | {"curves": curves, "slopes": list(plot.slopes)}
 
 
 def _number(value: float) -> float | str:

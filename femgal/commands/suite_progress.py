@@ -59,12 +59,11 @@ class SuiteProgress:
 
 def _remarks(row: dict[str, Any]) -> list[str]:
     """What a reader of a row that did not simply pass should know."""
-    from reports.verification.words import number
+    from reports.verification.words import numbers
 
     if row["status"] == "PASS":
         return []
     remarks = [row["note"]] if row["note"] else []
     if row["status"] == "FAIL" and row["error"] is not None:
-        numbers = f"computed {number(row['computed'], 6)}, reference {number(row['reference'], 6)} [{row['unit']}]"
-        return [f"{row['quantity']}: {numbers}", *remarks]
+        return [numbers(row), *remarks]
     return remarks

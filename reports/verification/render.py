@@ -7,12 +7,22 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-NAMES = ("verify.json", "verify.xml", "verify.md", "verify.html")
+from reports.verification.junit import junit_xml
+from reports.verification.markdown import markdown
+from reports.verification.page import page
+
+_RENDERERS = {
+    "verify.xml": junit_xml,
+    "verify.md": markdown,
+    "verify.html": page,
+}
+
+NAMES = ("verify.json", *_RENDERERS)
 
 
 def render(record: Mapping[str, Any]) -> dict[str, str]:
     """Content of every file of the report by name."""
-    return {"verify.json": json_text(record)}
+    return {"verify.json": json_text(record)} | {name: renderer(record) for name, renderer in _RENDERERS.items()}
 
 
 def json_text(record: Mapping[str, Any]) -> str:

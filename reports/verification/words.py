@@ -3,10 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 STATUSES = ("PASS", "FAIL", "SKIP", "INFO")
+
+# What each kind of reference is, from the strongest statement to the weakest.
+KINDS = {
+    "CLOSED-FORM": "a formula that can be evaluated by hand",
+    "MANUFACTURED": "a chosen solution, with the load that belongs to it",
+    "IDENTITY": "an exact statement about the discrete equations",
+    "ODE": "an ordinary differential equation, integrated far more accurately",
+    "CROSS-CODE": "another code: scikit-fem, or dense algebra",
+    "LITERATURE": "a published number",
+    "REGRESSION": "an earlier result of this code",
+}
 
 
 def number(value: float | str | None, digits: int = 3) -> str:
@@ -22,13 +33,14 @@ def judgement(row: Mapping[str, Any]) -> str:
         return "no result"
     if row["tolerance"] is None:
         return f"{number(row['error'])}, not judged"
-    sign = ">" if row["status"] == "FAIL" else "<="
+    sign = "<=" if row["status"] != "FAIL" else "is not <=" if isinstance(row["error"], str) else ">"
     return f"{number(row['error'])} {sign} {number(row['tolerance'])}"
 
 
-def topic(row: Mapping[str, Any]) -> str:
-    """First part of the id."""
-    return str(row["id"]).split("/")[0]
+def numbers(row: Mapping[str, Any]) -> str:
+    """What was compared, and the two numbers."""
+    pair = f"computed {number(row['computed'], 6)}, reference {number(row['reference'], 6)}"
+    return f"{row['quantity']} [{row['unit']}]: {pair}"
 
 
 def duration(seconds: float | None) -> str:
@@ -43,6 +55,16 @@ def duration(seconds: float | None) -> str:
 def counts(of: Mapping[str, int]) -> str:
     """Counts that are not zero: "12 PASS, 1 FAIL"."""
     return ", ".join(f"{count} {name}" for name, count in of.items() if count) or "nothing"
+
+
+def count_of_kinds(rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, tuple[int, ...]]]:
+    """Counts by kind of reference, strongest first: of each status, and of all; the last line is of all kinds."""
+    by_kind = [
+        (kind, [row["status"] for row in rows if row["kind"] == kind])
+        for kind in dict.fromkeys((*KINDS, *(row["kind"] for row in rows)))
+    ]
+    lines = [(kind, found) for kind, found in by_kind if found] + [("all", [row["status"] for row in rows])]
+    return [(kind, (*map(found.count, STATUSES), len(found))) for kind, found in lines]
 
 
 def verdict(record: Mapping[str, Any]) -> str:
