@@ -141,6 +141,11 @@ def quality(mesh: TetMesh) -> Quality:
     )
 
 
+def shapes(points: Points, cells: Cells) -> tuple[Floats, Floats, Floats]:
+    """Smallest dihedral angle [degrees], radius ratio and volume [m^3] of each tetrahedron, all of shape [n_tets]."""
+    return _shapes(points, cells)[:3]
+
+
 def dihedrals(points: Points, cells: Cells) -> Dihedrals:
     """Distribution of the smallest dihedral angle alone: the cheap part of `quality`."""
     smallest, _, _, largest, _ = _shapes(points, cells)

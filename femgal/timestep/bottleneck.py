@@ -72,7 +72,7 @@ def find_bottleneck(disc: Discretisation, stiffness: Floats, k: Floats) -> Bottl
     most = int(FEW * disc.n_tets)
     if not math.isfinite(step) or most == 0:
         return None
-    worst = _worst(disc, stiffness, k, most)
+    worst = worst_elements(disc, stiffness, k, most)
     limit = (1.0 / step) ** 2  # a quarter of the largest k / m: twice the step
     left = k.copy()
     few = _removals(worst, disc.mesh.cells, stiffness, disc.mass, disc.free, limit, left)
@@ -81,8 +81,8 @@ def find_bottleneck(disc: Discretisation, stiffness: Floats, k: Floats) -> Bottl
     return _describe(disc, stiffness, k, int(worst[0]), few, share_for(disc, k, 2.0 * step))
 
 
-def _worst(disc: Discretisation, stiffness: Floats, k: Floats, most: int) -> Longs:
-    """The elements with the largest share in the fastest vertices, worst first."""
+def worst_elements(disc: Discretisation, stiffness: Floats, k: Floats, most: int) -> Longs:
+    """The `most` elements with the largest share in the fastest vertices, worst first; arguments as above."""
     score = np.empty(disc.n_tets)
     _scores(disc.mesh.cells, stiffness, k / disc.mass**2, score)
     worst = np.argpartition(-score, most - 1)[:most] if most < disc.n_tets else np.arange(disc.n_tets)
