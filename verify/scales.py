@@ -31,12 +31,14 @@ class Terms:
 
     Parameters
     ----------
+    stress : V |Dm^-1| (mu |F| + |c| |C|) [N], of forces whose F has no error; |P| below is what stands in brackets.
     energy : V (mu/2 |F|^2 + mu |J - 1| + lam/2 (J - 1)^2 + |P| f) [J].
     force : V |Dm^-1| f (mu + lam |C|^2 + |c| |F|) [N].
     stiffness : V |Dm^-1|^2 (mu + lam |C|^2 + |c| |F| + f (lam |C| |F| + |c|)) [N/m].
     volume_ratio : 1 + f |C|.
     """
 
+    stress: Floats
     energy: Floats
     force: Floats
     stiffness: Floats
@@ -59,7 +61,11 @@ def terms(disc: Discretisation, x: Floats, precision: Precision = "float64") -> 
     energy = 0.5 * disc.mu * _norm(F) ** 2 + disc.mu * np.abs(j) + 0.5 * disc.lam * j**2 + stress * f
     stiffness = curvature + f * (disc.lam * _norm(C) * _norm(F) + c)
     return Terms(
-        disc.V * energy, disc.V * _norm(B) * f * curvature, disc.V * _norm(B) ** 2 * stiffness, f * _norm(C) + 1.0
+        disc.V * _norm(B) * stress,
+        disc.V * energy,
+        disc.V * _norm(B) * f * curvature,
+        disc.V * _norm(B) ** 2 * stiffness,
+        f * _norm(C) + 1.0,
     )
 
 
