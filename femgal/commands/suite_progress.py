@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 COLOURS = {"PASS": "green", "FAIL": "bold red", "SKIP": "yellow", "INFO": "blue"}
+_INDENT = " " * 8
 
 
 class SuiteProgress:
@@ -23,7 +24,7 @@ class SuiteProgress:
     def __init__(self, total: int, *, on_stderr: bool = False) -> None:
         self._console = Console(stderr=on_stderr, highlight=False, soft_wrap=True)
         self._total, self._done = total, 0
-        self._now = self._console.status("") if self._console.is_terminal else None
+        self._now = self._console.status("", refresh_per_second=4) if self._console.is_terminal else None
 
     def __enter__(self) -> SuiteProgress:
         if self._now is not None:
@@ -50,7 +51,21 @@ class SuiteProgress:
         line.append(f"  {row['id']}  {judgement(row)}")
         self._console.print(line)
         for text in _remarks(row):
-            self._console.print(Text(" " * (2 * width + 9) + text, "dim" if row["status"] != "FAIL" else "red"))
+            self._console.print(Text(_INDENT + text, "red" if row["status"] == "FAIL" else "dim"))
+
+    def summary(self, record: dict[str, Any]) -> None:
+        """Print what failed once more, and the whole in a few lines."""
+        from reports.verification.words import judgement, summary_lines
+
+        self.print("")
+        for row in record["rows"]:
+            if row["status"] == "FAIL":
+                self.print(f"FAIL  {row['id']}  {judgement(row)}", COLOURS["FAIL"])
+        first, *rest = summary_lines(record)
+        status = record["summary"]["status"]
+        self.print(first, COLOURS["FAIL" if status["FAIL"] else "PASS" if status["PASS"] else "SKIP"])
+        for line in rest:
+            self.print(line)
 
     def print(self, text: str, style: str = "") -> None:
         """Print a line."""
@@ -63,7 +78,7 @@ def _remarks(row: dict[str, Any]) -> list[str]:
 
     if row["status"] == "PASS":
         return []
-    remarks = [row["note"]] if row["note"] else []
+    remarks = row["note"].splitlines()
     if row["status"] == "FAIL" and row["error"] is not None:
         return [numbers(row), *remarks]
     return remarks

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import shlex
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 if TYPE_CHECKING:
     from verify.case import Row
@@ -25,7 +28,13 @@ FAILURES, NOT_RUN, INTERRUPTED = 1, 2, 130
 @click.option("--quick/--full", default=True, help="Below a minute of CPU time (the default), or everything.")
 @click.option("--device", type=click.Choice(("cpu", "cuda")), default="cpu", show_default=True)
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Write JSON, JUnit, Markdown and HTML.")
-@click.option("--json", "json_path", metavar="PATH", help="Write the record to PATH; - prints it and nothing else.")
+@click.option(
+    "--json",
+    "json_path",
+    type=click.Path(),
+    metavar="PATH",
+    help="Write the record to PATH; - prints it and nothing else.",
+)
 @click.option("--force", is_flag=True, help="Overwrite an existing file; write into a folder that holds other files.")
 @click.pass_context
 def command(
@@ -60,8 +69,7 @@ def command(
     _need_packages()
     use = Use(device)
     _need_device(use)
-    left_out = _left_out(quick, pattern, len(rows))
-    ctx.exit(carry_out(rows, use, outputs, left_out))
+    ctx.exit(carry_out(rows, use, outputs, typed_command(ctx), _left_out(quick, pattern, len(rows))))
 
 
 class Outputs:
@@ -97,36 +105,34 @@ class Outputs:
         return [path for path in (self.file, self.folder) if path is not None]
 
 
-def carry_out(rows: Sequence[Row], use: Use, outputs: Outputs, left_out: dict[str, str]) -> int:
-    """Run rows, show and write their results, and return the exit code; Ctrl-C ends the run, not the report."""
+def carry_out(rows: Sequence[Row], use: Use, outputs: Outputs, typed: str, left_out: dict[str, str]) -> int:
+    """Run rows, show and write their results, and return the exit code; Ctrl-C ends the run, not the report.
+
+    Parameters
+    ----------
+    typed : The command, for the reader of the report.
+    left_out : What is not run, and why.
+    """
     from femgal.commands.suite_progress import SuiteProgress
-    from reports.verification.words import summary_lines
     from verify.record import as_row, record
     from verify.suite import Result, run_all
 
     results: list[Result] = []
-    began, interrupted = time.perf_counter(), False
-    progress = SuiteProgress(len(rows), on_stderr=outputs.json_alone)
+    began = time.perf_counter()
 
     def finish(result: Result) -> None:
         results.append(result)
         progress.finish(as_row(result))
 
-    with progress:
-        try:
-            run_all(rows, use, progress.start, finish)
-        except KeyboardInterrupt:
-            interrupted = True
-            left_out = {f"{len(rows) - len(results)} rows": "interrupted"} | left_out
-    wall = time.perf_counter() - began
-    content = record(results, use, _typed(), wall_seconds=wall, not_run=left_out)
-    code = INTERRUPTED if interrupted else _exit_code(content["summary"]["status"])
-    progress.print("")
-    for number, line in enumerate(summary_lines(content)):
-        progress.print(line, ("green" if code == 0 else "bold red") if number == 0 else "")
+    with SuiteProgress(len(rows), on_stderr=outputs.json_alone) as progress, contextlib.suppress(KeyboardInterrupt):
+        run_all(rows, use, progress.start, finish)
+    if missing := len(rows) - len(results):
+        left_out = {_rows(missing): "interrupted"} | left_out
+    content = record(results, use, typed, wall_seconds=time.perf_counter() - began, not_run=left_out)
+    progress.summary(content)
     for path in outputs.write(content):
         progress.print(f"wrote {path}")
-    return code
+    return INTERRUPTED if missing else _exit_code(content["summary"]["status"])
 
 
 def _exit_code(status: dict[str, int]) -> int:
@@ -135,12 +141,21 @@ def _exit_code(status: dict[str, int]) -> int:
     return 0 if status["PASS"] or status["INFO"] else NOT_RUN
 
 
-def _typed() -> str:
-    """The command without paths: they are nobody's business who reads a report."""
-    import sys
+def _rows(count: int) -> str:
+    return "1 row" if count == 1 else f"{count} rows"
 
-    words = [Path(word).name + ("/" if word.endswith("/") else "") if "/" in word else word for word in sys.argv[1:]]
-    return " ".join(["femgal", *words])
+
+def typed_command(ctx: click.Context) -> str:
+    """The command as it was typed, but of paths the last part only: folders are nobody's business."""
+    words = ["femgal", str(ctx.info_name)]
+    for option in ctx.command.params:
+        value = ctx.params[str(option.name)]
+        if ctx.get_parameter_source(str(option.name)) is not ParameterSource.COMMANDLINE:
+            continue
+        words.append(option.secondary_opts[0] if value is False else option.opts[0])
+        if not isinstance(value, bool):
+            words.append(shlex.quote(Path(value).name if isinstance(option.type, click.Path) else str(value)))
+    return " ".join(words)
 
 
 def _left_out(quick: bool, pattern: str | None, chosen: int) -> dict[str, str]:
@@ -149,7 +164,7 @@ def _left_out(quick: bool, pattern: str | None, chosen: int) -> dict[str, str]:
 
     reasons = {device: reason for device in DEVICES if (reason := unavailable(device))}
     more = len(choose(pattern)) - chosen if quick else 0
-    return ({f"{more} rows": "they take longer; --full runs them"} if more else {}) | reasons
+    return ({_rows(more): "they take longer; --full runs them"} if more else {}) | reasons
 
 
 def _need_packages() -> None:

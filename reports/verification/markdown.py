@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from reports.verification.facts import facts
-from reports.verification.groups import Row, Topic, failures, topics
+from reports.verification.groups import CaseRows, Row, Topic, failures, topics
 from reports.verification.words import STATUSES, count_of_kinds, judgement, number, numbers, summary_lines
 
 _SPECIAL = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"} | {"\n": " ", "\r": " "})
@@ -36,19 +36,18 @@ def markdown(record: Mapping[str, Any]) -> str:
 def _failures(rows: Sequence[Row]) -> str:
     if not rows:
         return ""
-    return "\n\n".join(["## Failures", *map(_failure, rows)])
+    return "\n\n".join(["## Failures", *(_failed_case(case) for topic in topics(rows) for case in topic.cases)])
 
 
-def _failure(row: Row) -> str:
-    lines = [
-        f"**{_plain(row['id'])}**: {_plain(judgement(row))}",
-        f"{_plain(row['title'])}.",
-        _plain(numbers(row)),
-        f"{row['kind']}: {_plain(row['formula'])} ({_plain(row['source'])})",
-        f"tolerance {number(row['tolerance'])}: {_plain(row['reason'])}",
-        _plain(row["note"]),
-    ]
-    return "\n".join(f"- {line}" if k == 0 else f"  - {line}" for k, line in enumerate(filter(None, lines)))
+def _failed_case(case: CaseRows) -> str:
+    shared = case.shared
+    lines = [f"Not true here: **{_plain(shared['title'])}**", ""]
+    for row in case.rows:
+        lines.append(f"- FAIL {_plain(row['id'])}: {_plain(judgement(row))}")
+        lines += [f"  - {_plain(text)}" for text in (numbers(row), row["note"]) if text]
+    lines.append(f"- {shared['kind']}: {_plain(shared['formula'])} ({_plain(shared['source'])})")
+    lines.append(f"- tolerance {number(shared['tolerance'])}: {_plain(shared['reason'])}")
+    return "\n".join(lines)
 
 
 def _topic(topic: Topic) -> str:

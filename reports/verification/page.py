@@ -10,10 +10,20 @@ from urllib.parse import quote
 
 from reports.verification.facts import facts
 from reports.verification.figure import figure
-from reports.verification.groups import Row, Topic, failures, topics
+from reports.verification.groups import CaseRows, Row, Topic, failures, topics
 from reports.verification.markup import Markup, element, join
 from reports.verification.table import reference_details, status_mark, topic_table
-from reports.verification.words import KINDS, STATUSES, count_of_kinds, counts, duration, judgement, numbers, verdict
+from reports.verification.words import (
+    KINDS,
+    STATUSES,
+    count_of_kinds,
+    counts,
+    duration,
+    judgement,
+    numbers,
+    plural,
+    verdict,
+)
 
 # The page says itself that it loads nothing.
 _POLICY = (
@@ -65,26 +75,38 @@ def _header(record: Mapping[str, Any]) -> Markup:
         "header",
         element("p", "femgal ", str(header.get("femgal") or ""), " verification", class_="over-title"),
         element("h1", verdict(record)),
-        element("p", f"{counts(status)}. {summary['rows']} rows of {summary['cases']} cases; {times}."),
+        element(
+            "p", f"{counts(status)}. {plural(summary['rows'], 'row')} of {plural(summary['cases'], 'case')}; {times}."
+        ),
         class_=f"verdict {tone}",
     )
 
 
 def _failures(rows: list[Row]) -> Markup | None:
+    """Failed rows, case by case."""
     if not rows:
         return None
-    return element("section", element("h2", "Failures"), *map(_failure, rows), id="failures")
+    cases = (case for topic in topics(rows) for case in topic.cases)
+    return element("section", element("h2", "Failures"), *map(_failed_case, cases), id="failures")
 
 
-def _failure(row: Row) -> Markup:
+def _failed_case(case: CaseRows) -> Markup:
     return element(
         "article",
-        element("h3", status_mark("FAIL"), " ", element("a", row["id"], href="#" + quote(row["id"]))),
-        element("p", "Not true here: ", element("em", row["title"])),
-        element("p", element("strong", judgement(row)), "; ", numbers(row)),
-        element("p", row["note"], class_="note") if row["note"] else None,
-        reference_details(row, is_open=True),
+        element("h3", "Not true here: ", element("em", case.shared["title"])),
+        *map(_failed_row, case.rows),
+        reference_details(case.shared),
         class_="failure",
+    )
+
+
+def _failed_row(row: Row) -> Markup:
+    link = element("a", row["id"], href="#" + quote(row["id"]))
+    return element(
+        "div",
+        element("p", status_mark("FAIL"), " ", element("code", link), " ", element("strong", judgement(row))),
+        element("p", numbers(row)),
+        element("p", row["note"], class_="note") if row["note"] else None,
     )
 
 

@@ -29,7 +29,7 @@ def topic_table(topic: Topic) -> Markup:
     )
 
 
-def reference_details(row: Row, *, is_open: bool = False) -> Markup:
+def reference_details(row: Row) -> Markup:
     """What a stranger needs to check the reference by hand."""
     tolerance = "none: the row is reported and judged by nobody" if row["tolerance"] is None else ""
     pairs = (
@@ -40,7 +40,7 @@ def reference_details(row: Row, *, is_open: bool = False) -> Markup:
         ("requires", row["requires"]),
     )
     terms = (join(element("dt", name), element("dd", text)) for name, text in pairs if text)
-    return element("details", element("summary", "reference and tolerance"), element("dl", *terms), open=is_open)
+    return element("details", element("summary", "reference and tolerance"), element("dl", *terms))
 
 
 def status_mark(status: str) -> Markup:

@@ -38,9 +38,11 @@ def judgement(row: Mapping[str, Any]) -> str:
 
 
 def numbers(row: Mapping[str, Any]) -> str:
-    """What was compared, and the two numbers."""
-    pair = f"computed {number(row['computed'], 6)}, reference {number(row['reference'], 6)}"
-    return f"{row['quantity']} [{row['unit']}]: {pair}"
+    """What was compared, and the two numbers where there are any."""
+    what = f"{row['quantity']} [{row['unit']}]"
+    if row["error"] is None:
+        return what
+    return f"{what}: computed {number(row['computed'], 6)}, reference {number(row['reference'], 6)}"
 
 
 def duration(seconds: float | None) -> str:
@@ -67,22 +69,27 @@ def count_of_kinds(rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, tuple[i
     return [(kind, (*map(found.count, STATUSES), len(found))) for kind, found in lines]
 
 
+def plural(count: int, noun: str) -> str:
+    """A count with its noun: "1 case", "2 cases"."""
+    return f"{count} {noun}" + ("" if count == 1 else "s")
+
+
 def verdict(record: Mapping[str, Any]) -> str:
     """One sentence about the whole run."""
     status = record["summary"]["status"]
     judged = status["PASS"] + status["FAIL"]
     if status["FAIL"]:
-        return f"{status['FAIL']} of {judged} judged rows FAIL"
+        return f"{status['FAIL']} of {plural(judged, 'judged row')} FAIL"
     if not judged:
         return "No row was judged"
-    return f"All {judged} judged rows pass"
+    return f"All {judged} judged rows pass" if judged > 1 else "The one judged row passes"
 
 
 def summary_lines(record: Mapping[str, Any]) -> list[str]:
     """The end of a run: verdict, counts by status and by kind of reference, times, and what was not run."""
     summary = record["summary"]
     return [
-        f"{verdict(record)}: {counts(summary['status'])} of {summary['cases']} cases",
+        f"{verdict(record)}: {counts(summary['status'])} of {plural(summary['cases'], 'case')}",
         f"references: {counts(summary['kinds'])}",
         f"time: {duration(summary['cpu_seconds'])} CPU, {duration(summary.get('wall_seconds'))} wall",
         *(f"not run: {what} ({why})" for what, why in summary.get("not_run", {}).items()),
