@@ -7,7 +7,8 @@
    changes them by little, the reference's own error is a small part of the smallest.
 3. What has been run is not run again; another row costs one run.
 4. A run that fails is a row with its failure, not an end of the study.
-5. The table has a cell for every head, and the command prints it; --json - is one JSON object.
+5. Momenta of a turning and moving body are those of a rigid one.
+6. The table has a cell for every head, and the command prints it; --json - is one JSON object.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from femgal.scene.load import parse_scene
 from tests.femgal.scenes import hanging_beam_text
 from verify.benchmark.motion import Candidate, candidates, study
 from verify.benchmark.motion_table import notes, table
-from verify.benchmark.trajectory import trajectory_error
+from verify.benchmark.trajectory import momenta, trajectory_error
 from verify.problems import rng
 
 
@@ -39,6 +40,17 @@ def test_trajectory_error():
     assert trajectory_error(mass, wrong, fall, free=True) == pytest.approx(expected, rel=1e-6)
     motion[2, 3, 1] = np.nan
     assert trajectory_error(mass, motion, fall) == np.inf
+
+
+def test_momenta():
+    mass, x = rng(502).random(20) + 0.1, rng(503).standard_normal((20, 3))
+    speed, turn = np.array([1.0, -2.0, 0.5]), np.array([0.3, 0.1, -0.7])
+    centre = mass @ x / mass.sum()
+    found = momenta(mass, x, speed + np.cross(turn, x - centre))
+    arm = x - centre
+    inertia = np.einsum("i,ijk->jk", mass, (arm**2).sum(1)[:, None, None] * np.eye(3) - arm[:, :, None] * arm[:, None])
+    assert found["linear_momentum"] == pytest.approx((mass.sum() * speed).tolist())
+    assert found["angular_momentum"] == pytest.approx((inertia @ turn).tolist())
 
 
 @pytest.fixture(scope="module")

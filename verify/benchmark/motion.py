@@ -23,6 +23,7 @@ from statistics import median
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 import femgal
@@ -32,6 +33,7 @@ from femgal.scene.model import Scene
 from femgal.scene.problems import scene_error
 from femgal.scene.write import scene_to_toml
 from meshes.errors import InputError
+from verify.benchmark import motion_run
 from verify.benchmark.machine import describe_machine
 from verify.benchmark.trajectory import trajectory_error
 
@@ -133,6 +135,60 @@ class Row:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class ReferenceMotion:
+    """A motion that others are held against, and the same at a longer step, which tells how good it is.
+
+    Parameters
+    ----------
+    label : Its settings.
+    mass : Vertex masses [kg], shape [n].
+    motion : Displacements since the start [m], shape [frames, n, 3], float32.
+    coarser : The same at the default step; fewer frames where that failed.
+    factor : Distance of the two in units of the reference's own error.
+    numbers : Everything else that the run told, as in `verify.benchmark.motion_run`.
+    """
+
+    label: str
+    mass: NDArray[np.float64]
+    motion: NDArray[np.float32]
+    coarser: NDArray[np.float32]
+    factor: float
+    numbers: dict[str, Any]
+
+    @property
+    def own_error(self) -> float:
+        """Relative trajectory error of the reference itself; infinite where it is not known."""
+        if len(self.coarser) != len(self.motion):
+            return float("inf")
+        return trajectory_error(self.mass, self.coarser, self.motion, free=self.numbers["free"]) / self.factor
+
+
+def reference_motion(
+    base: Scene,
+    work: Path,
+    *,
+    reference_safety: float = REFERENCE_SAFETY,
+    announce: Callable[[str], None] = lambda text: None,
+) -> ReferenceMotion:
+    """The converged motion of a scene, whatever its solver, from the folder when it is there.
+
+    Raises
+    ------
+    InputError
+        The reference itself fails.
+    """
+    work.mkdir(parents=True, exist_ok=True)
+    reference, default = Candidate((*VERLET, ("safety", reference_safety))), Candidate(VERLET).scene(base)
+    numbers, mass, motion = _run(reference.scene(base), work, f"reference ({reference})", announce)
+    if numbers["failure"]:
+        raise InputError("the reference fails", where=base.name, found=numbers["failure"], advice="see the failure")
+    _, _, coarser = _run(default, work, "verlet at its default step", announce)
+    # Errors e and (s' / s)^2 e at the shares s and s' of the stable step differ by the second less the first.
+    factor = (default.solver.safety / reference_safety) ** 2 - 1.0
+    return ReferenceMotion(str(reference), mass, motion, coarser, factor, numbers)
+
+
 def study(
     base: Scene,
     rows: Sequence[Candidate],
@@ -152,20 +208,12 @@ def study(
     -------
     JSON-ready: machine, scene, the reference's own error, one entry per row.
     """
-    work.mkdir(parents=True, exist_ok=True)
-    reference = Candidate((*VERLET, ("safety", reference_safety)))
-    numbers, mass, motion = _run(reference.scene(base), work, f"reference ({reference})", announce)
-    if numbers["failure"]:
-        raise InputError("the reference fails", where=base.name, found=numbers["failure"], advice="see the failure")
+    reference = reference_motion(base, work, reference_safety=reference_safety, announce=announce)
+    numbers, own = reference.numbers, reference.own_error
     results = []
     for candidate in rows:
         run, _, moved = _run(candidate.scene(base), work, str(candidate), announce)
-        results.append(_row(str(candidate), run, mass, moved, motion, numbers["free"]))
-    default = Candidate(VERLET).scene(base)
-    run, _, moved = _run(default, work, "verlet at its default step", announce)
-    # Errors e and (s' / s)^2 e at the shares s and s' of the stable step differ by the second less the first.
-    factor = (default.solver.safety / reference_safety) ** 2 - 1.0
-    own = _row("verlet", run, mass, moved, motion, numbers["free"]).error / factor
+        results.append(_row(str(candidate), run, reference.mass, moved, reference.motion, numbers["free"]))
     return {
         "schema": SCHEMA,
         "machine": describe_machine(),
@@ -174,7 +222,7 @@ def study(
         "vertices": numbers["vertices"],
         "tets": numbers["tets"],
         "reference": {
-            "label": str(reference),
+            "label": reference.label,
             "substeps": numbers["rows"][-1]["substeps"],
             "own_error": own if np.isfinite(own) else None,
         },
@@ -219,6 +267,7 @@ def _run(scene: Scene, work: Path, label: str, announce: Callable[[str], None]) 
 def _source_digest() -> str:
     """Of everything that a run executes: a run of other sources is another run."""
     digest = hashlib.sha256(__version__.encode())
+    digest.update(Path(motion_run.__file__).read_bytes())
     for package in (femgal, meshes):
         folder = Path(str(package.__file__)).parent
         for source in sorted(folder.rglob("*.py")):

@@ -19,6 +19,7 @@ from femgal.failure import SolverFailure
 from femgal.hierarchy.layer import free_parts
 from femgal.scene.load import load_scene
 from femgal.simulation import Simulation
+from verify.benchmark.trajectory import momenta
 
 
 class _Stages:
@@ -48,7 +49,7 @@ def run_motion(scene_file: Path, out: Path) -> None:
     try:
         for frame in simulation.frames():
             moved.append((frame.state.x - X).astype(np.float32))
-            rows.append(frame.row)
+            rows.append(frame.row | momenta(simulation.disc.mass, frame.state.x, frame.state.v))
     except SolverFailure as error:
         failure = str(error)
     # The first entry is the start, which may be deformed: what counts is the motion since.

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,3 +33,15 @@ def trajectory_error(mass: Reals, displacement: Reals, reference: Reals, *, free
             v = v - mass @ v / mass.sum()
         norm += float(mass @ (v**2).sum(axis=1))
     return float(np.sqrt(difference / norm)) if np.isfinite(difference) else float("inf")
+
+
+def momenta(mass: Reals, x: Reals, v: Reals) -> dict[str, Any]:
+    """Linear momentum [kg m/s], and angular momentum about the centre of mass [kg m^2/s], three components each.
+
+    Parameters
+    ----------
+    mass : Vertex masses [kg], shape [n].
+    x, v : Positions [m] and velocities [m/s], shape [n, 3].
+    """
+    arm = x - mass @ x / mass.sum()
+    return {"linear_momentum": (mass @ v).tolist(), "angular_momentum": (mass @ np.cross(arm, v)).tolist()}
