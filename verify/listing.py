@@ -21,7 +21,10 @@ def listing(rows: Sequence[Row]) -> list[str]:
         lines.append(f"    {case.title}")
         lines.append(f"    {_count(its)}")
     quick = sum(row.is_quick for row in rows)
-    return [*lines, f"{len(rows)} rows of {len(by_case)} cases, {quick} of them quick"]
+    return [
+        *lines,
+        f"{_rows(len(rows))} of {len(by_case)} case{'s' if len(by_case) > 1 else ''}, {quick} of them quick",
+    ]
 
 
 def tolerance_text(case: Case) -> str:
@@ -34,6 +37,9 @@ def tolerance_text(case: Case) -> str:
 
 
 def _count(rows: Sequence[Row]) -> str:
-    rows_text = "1 row" if len(rows) == 1 else f"{len(rows)} rows"
     values = {name: dict.fromkeys(str(row.values[name]) for row in rows) for name in rows[0].values}
-    return "; ".join([rows_text, *(f"{name} {', '.join(chosen)}" for name, chosen in values.items())])
+    return "; ".join([_rows(len(rows)), *(f"{name} {', '.join(chosen)}" for name, chosen in values.items())])
+
+
+def _rows(count: int) -> str:
+    return "1 row" if count == 1 else f"{count} rows"

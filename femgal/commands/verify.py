@@ -21,11 +21,11 @@ FAILURES, NOT_RUN, INTERRUPTED = 1, 2, 130
 
 
 @click.command()
-@click.option("--list", "listing", is_flag=True, help="Print the cases and run none.")
+@click.option("--list", "listing", is_flag=True, help="Print all cases, or those of --quick or -k, and run none.")
 @click.option(
     "-k", "pattern", metavar="PATTERN", help="Part of an id or title, or a pattern with *; several by blanks."
 )
-@click.option("--quick/--full", default=True, help="Below a minute of CPU time (the default), or everything.")
+@click.option("--quick/--full", default=None, help="Below a minute of CPU time (the default), or everything.")
 @click.option("--device", type=click.Choice(("cpu", "cuda")), default="cpu", show_default=True)
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Write JSON, JUnit, Markdown and HTML.")
 @click.option(
@@ -41,7 +41,7 @@ def command(
     ctx: click.Context,
     listing: bool,
     pattern: str | None,
-    quick: bool,
+    quick: bool | None,
     device: str,
     report: Path | None,
     json_path: str | None,
@@ -57,6 +57,7 @@ def command(
     """  # noqa: D301 - click reads the backspace
     from verify.suite import choose
 
+    quick = not listing if quick is None else quick
     rows = choose(pattern, quick=quick)
     if listing:
         from verify.listing import listing as lines_of
