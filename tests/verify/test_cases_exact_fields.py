@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Cases of exact fields.
+
+1. Every quick row passes, and forces, both waves, the bar between walls and the orders are among them.
+2. A stress that is wrong by a hundredth of one term, and a missing factor in the load, are noticed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from verify.cases import exact_fields
+from verify.problems import body
+from verify.suite import Status, choose, run_row
+from verify.use import Use
+
+NAMES = ("straight-motion-forces", "straight-motion-stiffness", "wave-forces", "bar-between-walls", "hanging-bar-order")
+NAMES += ("hanging-bar-error", "frequency-order")
+ROWS = choose(" ".join(f"exact/{name}" for name in NAMES), quick=True)
+USE = Use(threads=1)
+
+
+@pytest.mark.parametrize("row", ROWS, ids=str)
+def test_quick_rows(row):
+    result = run_row(row, USE)
+    assert result.status in (Status.PASS, Status.SKIP), result
+
+
+def test_quick_rows_are_there():
+    names = {str(row) for row in ROWS}
+    assert {row.case.id for row in ROWS} == {f"exact/{name}" for name in NAMES}
+    assert {"exact/wave-forces[shear,float32]", "exact/straight-motion-forces[float32,slivers]"} <= names
+
+
+class WrongUse(Use):
+    """Makes passes for a slightly other body."""
+
+    def backend(self, disc, precision="float64"):
+        return super().backend(replace(disc, Vlam=1.01 * disc.Vlam, lam=1.01 * disc.lam), precision)
+
+
+def test_wrong_lam_is_noticed():
+    wrong = WrongUse(threads=1)
+    assert exact_fields.straight_motion_forces(wrong, precision="float32", mesh="box").error > 1e-3
+    assert exact_fields.wave_forces(wrong, wave="longitudinal", precision="float64").error > 1e-3
+    assert exact_fields.bar_between_walls(wrong, solver="fas").error > 1e-3
+
+
+def test_straight_motion_turns_elements_over():
+    disc = body("box")
+    x = exact_fields.straight_line_state(disc)
+    assert (USE.backend(disc).energies(x)[1] < 0.0).any()
+    np.testing.assert_array_equal(x[~disc.free], disc.mesh.points[~disc.free])
