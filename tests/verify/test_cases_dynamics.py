@@ -54,7 +54,7 @@ def slipping(before, after):
 
 
 def shaken(before, after):
-    return replace(after, v=after.v * 2.0)
+    return replace(after, v=after.v + np.array([3.0, 0.0, 0.0]))
 
 
 def counted(before, after):
