@@ -35,7 +35,13 @@ def figure(plot: Plot, row: Row, place: int = 1) -> Markup:
         plot_svg(plot),
         _legend(plot),
         element("div", element("details", element("summary", "numbers"), _numbers(plot)), link, class_="data"),
+        id=figure_id(row, place),
     )
+
+
+def figure_id(row: Row, place: int = 1) -> str:
+    """Where links to a row's figure lead."""
+    return f"plot-{place}-of-{row['id']}"
 
 
 def csv_text(plot: Plot) -> str:

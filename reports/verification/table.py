@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import math
+from urllib.parse import quote
 
+from reports.verification.figure import figure_id
 from reports.verification.groups import CaseRows, Row, Topic, axis_values
 from reports.verification.markup import Markup, element, join
 from reports.verification.words import number
@@ -73,10 +75,14 @@ def _row(row: Row) -> Markup:
         f"{row['seconds']:.2f}",
     )
     cells = (element("td", text, class_="number", data_label=name) for name, text in zip(COLUMNS, numbers, strict=True))
-    name = element("th", element("span", axis_values(row), class_="values"), _note(row), scope="row")
+    name = element("th", element("span", axis_values(row), class_="values"), _plot_link(row), _note(row), scope="row")
     return element(
         "tr", element("td", status_mark(row["status"])), name, *cells, id=row["id"], data_status=row["status"]
     )
+
+
+def _plot_link(row: Row) -> Markup | None:
+    return element("a", "plot", href="#" + quote(figure_id(row)), class_="to-plot") if row.get("plots") else None
 
 
 def _note(row: Row) -> Markup | None:
