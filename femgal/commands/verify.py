@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 import shlex
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,9 @@ FAILURES, NOT_RUN, INTERRUPTED = 1, 2, 130
     "-k", "pattern", metavar="PATTERN", help="Part of an id or title, or a pattern with *; several by blanks."
 )
 @click.option("--quick/--full", default=None, help="Below a minute of CPU time (the default), or everything.")
+@click.option("--mesh", type=click.Path(), metavar="FILE", help="Diagnose this mesh, and run what is true on any.")
+@click.option("--scene", type=click.Path(), metavar="FILE", help="Its material and constraints; or a scene as it is.")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Of the scene: --set bodies.0.nu=0.49")
 @click.option("--device", type=click.Choice(("cpu", "cuda")), default="cpu", show_default=True)
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Write JSON, JUnit, Markdown and HTML.")
 @click.option(
@@ -42,6 +45,9 @@ def command(
     listing: bool,
     pattern: str | None,
     quick: bool | None,
+    mesh: str | None,
+    scene: str | None,
+    settings: tuple[str, ...],
     device: str,
     report: Path | None,
     json_path: str | None,
@@ -53,12 +59,15 @@ def command(
     femgal verify                         quick rows, below a minute of CPU time
     femgal verify -k material --full      all rows of a topic
     femgal verify --full --report out/    out/verify.html shows everything
+    femgal verify --mesh body.msh         what is wrong with a mesh; --scene or --set give its material
     Exit codes: 0 all pass, 1 failures, 2 could not run, 130 interrupted.
     """  # noqa: D301 - click reads the backspace
+    from femgal.commands.diagnosis import carry_out_diagnosis, find_rows, find_user_target
     from verify.suite import choose
 
     quick = not listing if quick is None else quick
-    rows = choose(pattern, quick=quick)
+    target = find_user_target(mesh, scene, settings)
+    rows = choose(pattern, quick=quick) if target is None else find_rows(target, pattern, quick)
     if listing:
         from verify.listing import listing as lines_of
 
@@ -70,6 +79,8 @@ def command(
     _need_packages()
     use = Use(device)
     _need_device(use)
+    if target is not None:
+        ctx.exit(carry_out_diagnosis(target, rows, use, outputs, typed_command(ctx)))
     ctx.exit(carry_out(rows, use, outputs, typed_command(ctx), _left_out(quick, pattern, len(rows))))
 
 
@@ -106,13 +117,21 @@ class Outputs:
         return [path for path in (self.file, self.folder) if path is not None]
 
 
-def carry_out(rows: Sequence[Row], use: Use, outputs: Outputs, typed: str, left_out: dict[str, str]) -> int:
+def carry_out(
+    rows: Sequence[Row],
+    use: Use,
+    outputs: Outputs,
+    typed: str,
+    left_out: dict[str, str],
+    more: Mapping[str, Any] | None = None,
+) -> int:
     """Run rows, show and write their results, and return the exit code; Ctrl-C ends the run, not the report.
 
     Parameters
     ----------
     typed : The command, for the reader of the report.
     left_out : What is not run, and why.
+    more : Entries of the record beside those of the suite.
     """
     from femgal.commands.suite_progress import SuiteProgress
     from verify.record import as_row, record
@@ -129,7 +148,7 @@ def carry_out(rows: Sequence[Row], use: Use, outputs: Outputs, typed: str, left_
         run_all(rows, use, progress.start, finish)
     if missing := len(rows) - len(results):
         left_out = {_rows(missing): "interrupted"} | left_out
-    content = record(results, use, typed, wall_seconds=time.perf_counter() - began, not_run=left_out)
+    content = record(results, use, typed, wall_seconds=time.perf_counter() - began, not_run=left_out) | dict(more or {})
     progress.summary(content)
     for path in outputs.write(content):
         progress.print(f"wrote {path}")
@@ -153,9 +172,10 @@ def typed_command(ctx: click.Context) -> str:
         value = ctx.params[str(option.name)]
         if ctx.get_parameter_source(str(option.name)) is not ParameterSource.COMMANDLINE:
             continue
-        words.append(option.secondary_opts[0] if value is False else option.opts[0])
-        if not isinstance(value, bool):
-            words.append(shlex.quote(Path(value).name if isinstance(option.type, click.Path) else str(value)))
+        for one in value if isinstance(value, tuple) else (value,):
+            words.append(option.secondary_opts[0] if one is False else option.opts[0])
+            if not isinstance(one, bool):
+                words.append(shlex.quote(Path(one).name if isinstance(option.type, click.Path) else str(one)))
     return " ".join(words)
 
 

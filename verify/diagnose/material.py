@@ -23,9 +23,7 @@ def parameters(target: Target) -> Finding:
     """E, nu and rho, where they come from, and what the body's own weight does to it."""
     world, strain = target.world, weight_strain(target)
     ranges = {"E_Pa": world.E, "nu": world.nu, "rho_kg_m3": world.rho}
-    what = ", ".join(
-        f"{name} {_range(values)}" for name, values in zip(("E", "nu", "rho"), ranges.values(), strict=True)
-    )
+    what = f"E = {_range(world.E)} Pa, nu = {_range(world.nu)}, rho = {_range(world.rho)} kg/m^3"
     what = ("Assumed: " if target.assumed else "") + what
     what += f"; its own weight strains it by about {percent(strain)}."
     numbers = {name: [values.min(), values.max()] for name, values in ranges.items()} | {"weight_strain": strain}
