@@ -233,7 +233,7 @@ def _of_verlet(z: float) -> Floats:
 
 
 def _of_backward_euler(z: float) -> Floats:
-    return ((1.0 - 1j * z) ** -np.arange(_VIBRATION_STEPS + 1.0)).real
+    return np.asarray(((1.0 - 1j * z) ** -np.arange(_VIBRATION_STEPS + 1.0)).real, np.float64)
 
 
 def _of_bdf2(z: float) -> Floats:

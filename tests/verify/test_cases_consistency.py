@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The study of consistency.
+
+1. Its quick rows pass, and it shows the published and the consistent step lengths, with plots of error and residual.
+2. It can tell them apart: published steps do not pass for consistent ones, nor the other way round, nor does a body
+   of its own stiffness pass for the softer one.
+"""
+
+from __future__ import annotations
+
+from verify.cases import consistency
+from verify.suite import Status, choose, run
+from verify.use import Use
+
+USE = Use()
+
+
+def test_quick_rows():
+    results = {str(r.row): r for r in run(choose("consistency/*", quick=True), USE)}
+    wrong = [f"{r.row}: {r.note}" for r in results.values() if r.status not in (Status.PASS, Status.INFO)]
+    assert wrong == []
+    for rule in ("spectral", "exact", "linear-spectral"):
+        assert f"consistency/order[beam,{rule}]" in results
+    published = results["consistency/published-steps[beam]"].measurement
+    assert published is not None
+    assert [plot.y for plot in published.plots] == ["trajectory error", "eps18 [m]"]
+    (plot,) = results["consistency/published-against-spectral[beam]"].measurement.plots
+    assert {curve.name for curve in plot.curves} == set(consistency.RULES)
+
+
+def test_the_rules_are_told_apart():
+    published = consistency._order("beam", "published", USE, 1.0)
+    assert published.error > 0.5
+    spectral = consistency._order("beam", "spectral", USE, 0.0)
+    assert spectral.error > 0.5
+    own = consistency.order(
+        consistency._H, consistency.errors_of("beam", "jacobi-half", USE), 1.0, x="", y="", title=""
+    )
+    assert own.error > 0.5
