@@ -85,15 +85,16 @@ def test_terms_at_rest():
     mu, lam = 1.0, 2.5
     f = (2.0 * np.sqrt(3.0) + 1.0) * np.sqrt(3.0)
     found = terms(disc, X)
-    P = 2.0 * mu * np.sqrt(3.0)
+    size = 1.0 + np.sqrt(3.0)
+    P = 2.0 * mu * size
     assert terms(disc, X).stress == pytest.approx(np.sqrt(3.0) * P / 6.0)
-    H = mu + 3.0 * lam + np.sqrt(3.0) * mu
-    assert found.energy == pytest.approx((1.5 * mu + P * f) / 6.0)
+    H = mu + size**2 * lam + size * mu
+    assert found.energy == pytest.approx((0.5 * mu * size**2 + P * f) / 6.0)
     assert found.curvature == pytest.approx(3.0 * H / 6.0)
     assert found.force == pytest.approx(np.sqrt(3.0) * f * H / 6.0)
-    assert found.stiffness == pytest.approx(3.0 * (H + f * (3.0 * lam + mu)) / 6.0)
+    assert found.stiffness == pytest.approx(3.0 * (H + f * (size**2 * lam + mu)) / 6.0)
     assert at_vertices(disc, np.array([2.0])).tolist() == [[2.0]] * 4
-    assert terms(disc, X, "float32").energy == pytest.approx((1.5 * mu + P * 6.0) / 6.0)
+    assert terms(disc, X, "float32").energy == pytest.approx((0.5 * mu * size**2 + P * 6.0) / 6.0)
 
 
 def needles() -> TetMesh:
