@@ -73,6 +73,9 @@ def kernels(
 @click.option("--steps", metavar="S,S", default="exact", show_default=True, help="exact, spectral, lu2025 ...")
 @click.option("--precision", metavar="P,P", default="float64", show_default=True, help="float32, float64.")
 @click.option("--ratio", metavar="N,N", default="32", show_default=True, help="Ratios, or linear.")
+@click.option(
+    "--variant", "variants", multiple=True, metavar="KEY=VALUE ...", help='Rows with keys of solver: "cycle=V pre=1".'
+)
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Any key: --set bodies.0.E=1e7")
 @click.option("--reference-safety", type=click.FloatRange(0.01, 0.5), default=0.45, show_default=True)
 @click.option("--work", type=click.Path(path_type=Path), required=True, help="Folder of the runs; resumes from it.")
@@ -86,6 +89,7 @@ def motion(
     steps: str,
     precision: str,
     ratio: str,
+    variants: tuple[str, ...],
     settings: tuple[str, ...],
     reference_safety: float,
     work: Path,
@@ -95,10 +99,12 @@ def motion(
     """Run a scene with many settings: error against a Verlet reference, time and memory of each.
 
     Every combination of the lists is a row of FAS, beside Verlet with its own defaults; what --set says of the solver
-    holds for the rows of FAS. Runs are kept in --work: an interrupted study goes on.
+    holds for the rows of FAS. Each --variant makes all of them once more with other keys; --variant "" is the plain
+    one. Runs are kept in --work: an interrupted study goes on.
     """
     out = _target(json_path, force)
     from femgal.commands.options import scene_from_options
+    from femgal.scene.overrides import parse_override
     from verify.benchmark.motion import candidates, study
     from verify.benchmark.motion_table import notes, table
 
@@ -106,7 +112,8 @@ def motion(
     transfers = [
         ("linear", 8) if part == "linear" else ("constant", _numbers(part, "--ratio")[0]) for part in _words(ratio)
     ]
-    rows = candidates(_numbers(substeps, "--substeps"), _words(steps), _words(precision), transfers)
+    others = [tuple(map(parse_override, one.split())) for one in variants] or [()]
+    rows = candidates(_numbers(substeps, "--substeps"), _words(steps), _words(precision), transfers, others)
     result = study(
         base, rows, work, reference_safety=reference_safety, announce=lambda text: click.echo(f"{text} ...", err=True)
     )

@@ -21,6 +21,7 @@ from click.testing import CliRunner
 
 from femgal.cli import main
 from femgal.scene.load import parse_scene
+from meshes.errors import InputError
 from tests.femgal.scenes import hanging_beam_text
 from verify.benchmark.motion import Candidate, candidates, study
 from verify.benchmark.motion_table import notes, table
@@ -104,6 +105,19 @@ def test_rows_are_what_they_say(result):
     assert (solver.name, solver.substeps, solver.steps, solver.ratio) == ("fas", 7, "spectral", 16)
 
 
+def test_variants():
+    rows = candidates([7, 9], ["exact"], ["float64"], [("linear", 8)], [(), (("cycle", "V"), ("pre", 1))])
+    labels = [str(row) for row in rows]
+    assert labels[0] == "verlet float64"
+    assert labels[1:3] == ["linear exact 7 float64", "linear exact 9 float64"]
+    assert labels[3:] == ["linear exact 7 float64 cycle V pre 1", "linear exact 9 float64 cycle V pre 1"]
+    base = parse_scene(hanging_beam_text(frames=1), "beam.toml")
+    solver = rows[3].scene(base).solver
+    assert (solver.cycle, solver.pre, solver.transfer) == ("V", 1, "linear")
+    with pytest.raises(InputError, match="cycle"):
+        Candidate((*rows[1].settings, ("cycle", "X"))).scene(base)
+
+
 def test_table_and_command(result, tmp_path):
     base, _, work, found, _ = result
     drawn = table(found)
@@ -113,7 +127,19 @@ def test_table_and_command(result, tmp_path):
     from femgal.scene.write import scene_to_toml
 
     path.write_text(scene_to_toml(base))
-    arguments = ["bench", "motion", str(path), "--substeps", "5,20", "--ratio", "8", "--work", str(work)]
+    arguments = [
+        "bench",
+        "motion",
+        str(path),
+        "--substeps",
+        "5,20",
+        "--ratio",
+        "8",
+        "--work",
+        str(work),
+        "--variant",
+        "",
+    ]
     result_of = CliRunner().invoke(main, [*arguments, "--json", "-"], catch_exceptions=False)
     assert result_of.exit_code == 0
     assert json.loads(result_of.stdout)["rows"][1]["error"] == found["rows"][1]["error"]

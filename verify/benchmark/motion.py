@@ -12,6 +12,7 @@ row costs one run.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import subprocess
 import sys
@@ -46,7 +47,7 @@ SCHEMA = "femgal-bench-motion-1"
 class Candidate:
     """Settings of one row: keys of the scene's solver table that differ from the scene's own.
 
-    ``print(candidate)`` names transfer, step lengths, substeps and precision.
+    ``print(candidate)`` names transfer, step lengths, substeps, precision and what else was set.
     """
 
     settings: tuple[tuple[str, Any], ...]
@@ -69,31 +70,42 @@ class Candidate:
         if given.get("name") == "verlet":
             return f"verlet {given['precision']}" + (f" safety {given['safety']}" if "safety" in given else "")
         transfer = "linear" if given["transfer"] == "linear" else f"clusters {given['ratio']}"
-        return f"{transfer} {given['steps']} {given['substeps']} {given['precision']}"
+        more = [f"{key} {value}" for key, value in self.settings if key not in _NAMED]
+        return " ".join([f"{transfer} {given['steps']} {given['substeps']} {given['precision']}", *more])
 
+
+# Settings that a label of FAS shows without their names, or not at all.
+_NAMED = {"name", "mass_scaling", "transfer", "ratio", "steps", "substeps", "precision"}
 
 VERLET = (("name", "verlet"), ("substeps", None), ("precision", "float64"))
 
 
 def candidates(
-    substeps: Sequence[int], steps: Sequence[str], precisions: Sequence[str], transfers: Sequence[tuple[str, int]]
+    substeps: Sequence[int],
+    steps: Sequence[str],
+    precisions: Sequence[str],
+    transfers: Sequence[tuple[str, int]],
+    variants: Sequence[tuple[tuple[str, Any], ...]] = ((),),
 ) -> list[Candidate]:
-    """Every combination, those of one precision together, beside Verlet in every precision."""
+    """Every combination, those of one precision together, beside Verlet in every precision.
+
+    Parameters
+    ----------
+    variants : Further keys of the solver table and their values, each a set of its own: ((), (("cycle", "V"),)).
+    """
     rows = []
     for precision in precisions:
         rows.append(Candidate((*VERLET[:-1], ("precision", precision))))
-        for transfer, ratio in transfers:
-            for rule in steps:
-                for count in substeps:
-                    settings = (
-                        ("name", "fas"),
-                        ("mass_scaling", None),
-                        ("transfer", transfer),
-                        ("ratio", ratio),
-                        ("steps", rule),
-                        ("substeps", count),
-                    )
-                    rows.append(Candidate((*settings, ("precision", precision))))
+        for (transfer, ratio), variant, rule, count in itertools.product(transfers, variants, steps, substeps):
+            settings = (
+                ("name", "fas"),
+                ("mass_scaling", None),
+                ("transfer", transfer),
+                ("ratio", ratio),
+                ("steps", rule),
+                ("substeps", count),
+            )
+            rows.append(Candidate((*settings, ("precision", precision), *variant)))
     return rows
 
 
