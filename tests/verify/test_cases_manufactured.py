@@ -54,7 +54,8 @@ class SpottedUse(Use):
 
 
 def test_soft_spots_are_noticed():
-    assert manufactured.error(SpottedUse(threads=1), norm="l2", material="uniform", finest=8).error > 0.0
+    # Their error is smaller on these meshes, where linear elements are too stiff, but it does not converge.
+    assert manufactured.l2_order_coarse(SpottedUse(threads=1), material="uniform", finest=8).error > 0.2
 
 
 class LamUse(Use):
