@@ -28,6 +28,8 @@ FAILURES, NOT_RUN, INTERRUPTED = 1, 2, 130
 @click.option("--quick/--full", default=None, help="Below a minute of CPU time (the default), or everything.")
 @click.option("--mesh", type=click.Path(), metavar="FILE", help="Diagnose this mesh, and run what is true on any.")
 @click.option("--scene", type=click.Path(), metavar="FILE", help="Its material and constraints; or a scene as it is.")
+@click.option("--compare", "result", type=click.Path(), metavar="RESULT", help="A motion of --scene to be judged.")
+@click.option("--tolerance", type=click.FloatRange(0.0, 1.0, min_open=True), help="Of --compare; 0.05 by default.")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Of the scene: --set bodies.0.nu=0.49")
 @click.option("--device", type=click.Choice(("cpu", "cuda")), default="cpu", show_default=True)
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Write JSON, JUnit, Markdown and HTML.")
@@ -47,6 +49,8 @@ def command(
     quick: bool | None,
     mesh: str | None,
     scene: str | None,
+    result: str | None,
+    tolerance: float | None,
     settings: tuple[str, ...],
     device: str,
     report: Path | None,
@@ -60,12 +64,22 @@ def command(
     femgal verify -k material --full      all rows of a topic
     femgal verify --full --report out/    out/verify.html shows everything
     femgal verify --mesh body.msh         what is wrong with a mesh; --scene or --set give its material
+    femgal verify --compare out/ --scene drape.toml    somebody's result (.vtkhdf, .pvd, .csv) against the reference
     Exit codes: 0 all pass, 1 failures, 2 could not run, 130 interrupted.
     """  # noqa: D301 - click reads the backspace
+    from femgal.commands.comparison import carry_out_comparison
     from femgal.commands.diagnosis import carry_out_diagnosis, find_rows, find_user_target
     from verify.suite import choose
+    from verify.use import Use
 
     quick = not listing if quick is None else quick
+    if result is not None:
+        if mesh is not None or listing or pattern is not None:
+            raise click.UsageError("--compare goes with --scene, and not with --mesh, --list or -k")
+        use, outputs = Use(device), Outputs(report, json_path, force)
+        ctx.exit(carry_out_comparison(result, scene, settings, tolerance, use, outputs, typed_command(ctx)))
+    if tolerance is not None:
+        raise click.UsageError("--tolerance goes with --compare")
     target = find_user_target(mesh, scene, settings)
     rows = choose(pattern, quick=quick) if target is None else find_rows(target, pattern, quick)
     if listing:
@@ -73,8 +87,6 @@ def command(
 
         click.echo("\n".join(lines_of(rows)))
         return
-    from verify.use import Use
-
     outputs = Outputs(report, json_path, force)
     _need_packages()
     use = Use(device)

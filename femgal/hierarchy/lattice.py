@@ -8,13 +8,11 @@ covers the body and no weight is negative. In three things the nodes are not sim
 1. A point that moves unconnected parts of the body is a node for each (`femgal.hierarchy.supports`).
 2. Constrained vertices have no node, so a part ends at them.
 3. Nodes that carry less than one vertex are left out, and what remains at their vertices is scaled to sum to one. They
-   come from points just outside the body. Without them block Jacobi needs shorter steps (lambda_max(D^-1 A) of the
-   first layer falls from 3.8 to 2.9 on a bunny of 6,700 vertices, a fifth of its nodes goes), cycles gain as much as
-   before, and no layer has more nodes than vertices however coarse the mesh is in places.
+   come from points just outside the body. Without them block Jacobi may take longer steps, because lambda_max(D^-1 A)
+   of the layer is smaller, and no layer has more nodes than vertices however coarse the mesh is in places.
 
-The lattice is body-centred cubic, its tetrahedra all the same, with edges of 1 and sqrt(3)/2 of the cube's. Against
-Kuhn's split of cubes with as many nodes, one cycle over all layers left a third of the energy gap (bunny, E = 1e7 Pa,
-h = 1/600 s), and elements meet 4% fewer nodes.
+The lattice is body-centred cubic, its tetrahedra all the same, with edges of 1 and sqrt(3)/2 of the cube's: rounder
+than those of Kuhn's split of cubes, so one cycle leaves less of the energy gap and elements meet fewer nodes.
 """
 
 from __future__ import annotations

@@ -49,6 +49,10 @@ class VtuReader:
         """Rest positions [m], shape [n_vertices, 3]."""
         return np.asarray(self._frame(0).points, np.float64)
 
+    def points_of(self, frame: int) -> NDArray[np.float64]:
+        """Points of one frame [m], which other programs move along with the body, shape [n_vertices, 3]."""
+        return np.asarray(self._frame(frame).points, np.float64)
+
     @cached_property
     def cells(self) -> NDArray[np.int32]:
         """Vertex indices, shape [n_tets, 4]."""
