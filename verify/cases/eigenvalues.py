@@ -26,7 +26,7 @@ from verify.use import Use
 Floats = NDArray[np.float64]
 
 COUNT = 100
-GRADIENTS = ("rest", "random", "inverted", "plane", "line", "point")
+GRADIENTS = ("rest", "random", "inverted", "singular")
 
 _SMITH = "Smith, de Goes, Kim 2019"
 _FORMULA = (
@@ -46,7 +46,7 @@ def separate_elements() -> Discretisation:
 
 @cache
 def gradients(name: str) -> Floats:
-    """A deformation gradient for each element, shape [COUNT, 3, 3]: of full rank, inverted, or of rank 2, 1 or 0."""
+    """A deformation gradient for each element, shape [COUNT, 3, 3]: of full rank, inverted, or of rank 2, 1 and 0."""
     random = rng(633)
     Q, R = (np.linalg.qr(random.standard_normal((COUNT, 3, 3)))[0] for _ in range(2))
     stretches = random.uniform(0.5, 1.5, (COUNT, 3))
@@ -54,9 +54,7 @@ def gradients(name: str) -> Floats:
         "rest": np.repeat(np.eye(3)[None], COUNT, axis=0),
         "random": np.eye(3) + 0.4 * random.standard_normal((COUNT, 3, 3)),
         "inverted": np.diag([-1.0, 1.1, 0.9]) + 0.1 * random.standard_normal((COUNT, 3, 3)),
-        "plane": (Q * (stretches * [1.0, 1.0, 0.0])[:, None]) @ R,
-        "line": (Q * (stretches * [1.0, 0.0, 0.0])[:, None]) @ R,
-        "point": np.zeros((COUNT, 3, 3)),
+        "singular": (Q * (stretches * np.tri(3, k=-1)[np.arange(COUNT) % 3])[:, None]) @ R,
     }[name]
 
 

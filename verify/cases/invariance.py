@@ -65,7 +65,7 @@ def energy(use: Use, *, precision: Precision, mesh: str) -> Measurement:
     source=_OBJECTIVITY,
     tolerance=EPSILON,
     reason=_REASON,
-    over={**_OVER, "state": ("rest", "random", "inverted")},
+    over={**_OVER, "state": ("rest", "random")},
     quick=_QUICK,
     own_mesh=True,
 )
@@ -269,7 +269,7 @@ def turned_rest_shape(use: Use, *, precision: Precision) -> Measurement:
     )
 
 
-_UNITS = {"millimetres": 1e3, "micrometres": 1e6, "kilometres": 1e-3}
+_UNITS = {"millimetres": 1e3, "micrometres": 1e6}
 
 
 @case(
