@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.scene.model import Scene
-from femgal.simulation import Simulation
+from femgal.simulation import Frame, Simulation
 from femgal.timestep.potential import eps18
 from meshes.errors import InputError
+from meshes.types import TetMesh
 from verify.case import Skip
+from verify.solver_under_test import Material, State
 from verify.use import Use, unavailable
 
 Floats = NDArray[np.float64]
@@ -91,3 +93,21 @@ def steps_alone(simulation: Simulation) -> Run:
         displacements.append(state.x - X)
         state, _ = stepper.end_frame(state, T, substeps)
     return Run(simulation, np.stack(displacements), np.array(residuals))
+
+
+def frames_of(simulation: Simulation) -> list[Frame]:
+    """All frames of a scene, frame 0 the start, with energy check and retakes."""
+    return list(simulation.frames())
+
+
+def displacements_of(simulation: Simulation) -> Floats:
+    """x - X [m] after each frame, shape [frames, n, 3]."""
+    return np.stack([frame.state.x for frame in frames_of(simulation)[1:]]) - simulation.disc.mesh.points
+
+
+def as_problem(simulation: Simulation) -> tuple[TetMesh, Material, State]:
+    """What a plain step is given to solve the same scene: mesh, material, start."""
+    world = simulation.world
+    constrained = np.concatenate([np.empty(0, np.int64), *(motion.vertices for motion in world.motions)])
+    material = Material.of(world.mesh, world.E, world.nu, world.rho)
+    return world.mesh, material, State(world.x0, world.v0, constrained, simulation.gravity)

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The study of consistency.
 
-1. Its quick rows pass, and it shows the published and the consistent step lengths, with plots of error and residual.
+1. Its quick rows pass, and they show the published and consistent step lengths, with plots of error and residual; a
+   row that judges nothing has the plot of all rules.
 2. It can tell them apart: published steps do not pass for consistent ones, nor the other way round, nor does a body
    of its own stiffness pass for the softer one.
 """
@@ -17,14 +18,14 @@ USE = Use()
 
 def test_quick_rows():
     results = {str(r.row): r for r in run(choose("consistency/*", quick=True), USE)}
-    wrong = [f"{r.row}: {r.note}" for r in results.values() if r.status not in (Status.PASS, Status.INFO)]
+    wrong = [f"{r.row}: {r.note}" for r in results.values() if r.status is not Status.PASS]
     assert wrong == []
-    for rule in ("spectral", "exact", "linear-spectral"):
+    for rule in ("spectral", "linear-spectral"):
         assert f"consistency/order[beam,{rule}]" in results
     published = results["consistency/published-steps[beam]"].measurement
     assert published is not None
     assert [plot.y for plot in published.plots] == ["trajectory error", "eps18 [m]"]
-    (plot,) = results["consistency/published-against-spectral[beam]"].measurement.plots
+    (plot,) = consistency.published_against_spectral(USE, mesh="beam").plots
     assert {curve.name for curve in plot.curves} == set(consistency.RULES)
 
 

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 # For each law: what everybody is held to, and the references that cost seconds.
 SOLVERS = ("verlet", "fas", "fas-linear", "jacobi", "scalar-jacobi")
 WITH_REFERENCES = (*SOLVERS, "newton", "newton-bdf2")
-QUICK = {"solver": (*SOLVERS, OWN_SOLVER)}
+QUICK = {"solver": ("verlet", "fas", "fas-linear", "jacobi", OWN_SOLVER)}
 BACKWARD_EULER = ("fas", "fas-linear", "jacobi", "newton")
 QUICK_EULER = {"solver": ("fas", "fas-linear", "jacobi", OWN_SOLVER)}
 
