@@ -29,7 +29,7 @@ FAILURES, NOT_RUN, INTERRUPTED = 1, 2, 130
 @click.option("--mesh", type=click.Path(), metavar="FILE", help="Diagnose this mesh, and run what is true on any.")
 @click.option("--scene", type=click.Path(), metavar="FILE", help="Its material and constraints; or a scene as it is.")
 @click.option("--compare", "result", type=click.Path(), metavar="RESULT", help="A motion of --scene to be judged.")
-@click.option("--tolerance", type=click.FloatRange(0.0, 1.0, min_open=True), help="Of --compare; 0.05 by default.")
+@click.option("--tolerance", type=click.FloatRange(0.0, 1.0, min_open=True), help="Of --compare; 0.02 by default.")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Of the scene: --set bodies.0.nu=0.49")
 @click.option("--device", type=click.Choice(("cpu", "cuda")), default="cpu", show_default=True)
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Write JSON, JUnit, Markdown and HTML.")

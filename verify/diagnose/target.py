@@ -55,17 +55,29 @@ class Target:
         """Element passes in double precision."""
         return CpuBackend(self.disc, self.scene.solver.threads)
 
-    @cached_property
+    @property
     def numbers(self) -> Integers:
         """Index of each tetrahedron in the user's own file, or in the mesh as made where it was filled, shape [m]."""
-        start, found = 0, []
+        return self._orders[1]
+
+    @property
+    def vertex_numbers(self) -> Integers:
+        """The same of each vertex, shape [n]."""
+        return self._orders[0]
+
+    @cached_property
+    def _orders(self) -> tuple[Integers, Integers]:
+        vertices, cells, starts = [], [], (0, 0)
         for body, origin in zip(self.scene.bodies, self.world.origins, strict=True):
             entry = resolve(body.mesh)
             loaded = load(entry) if entry.path is not None else None
-            order = reorder(loaded.mesh)[2] if isinstance(loaded, Made) else np.arange(origin["tets"])
-            found.append(start + order)
-            start += len(order)
-        return np.concatenate(found)
+            orders = np.arange(origin["vertices"]), np.arange(origin["tets"])
+            if isinstance(loaded, Made):
+                orders = reorder(loaded.mesh)[1:]
+            vertices.append(starts[0] + orders[0])
+            cells.append(starts[1] + orders[1])
+            starts = starts[0] + len(orders[0]), starts[1] + len(orders[1])
+        return np.concatenate(vertices), np.concatenate(cells)
 
     @property
     def from_file(self) -> bool:

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""femgal's own converged motion of a scene, and how good it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.scene.model import Scene
+from meshes.cache import cache_root
+from verify.benchmark.motion import REFERENCE_SAFETY, reference_motion
+from verify.diagnose.target import Target, target_of
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Frames 0 to f of a scene with n vertices.
+
+    Parameters
+    ----------
+    target : The scene and its arrays.
+    x : Positions [m], shape [f + 1, n, 3].
+    own : Distance to the same motion at the default step, in units of the reference's own error, shape [f + 1, n, 3].
+    mass : Vertex masses [kg], shape [n].
+    own_error : Relative trajectory error of the reference itself; infinite where it is not known.
+    rows : Energies and momenta of each frame, as `verify.benchmark.motion_run` tells them.
+    label : Its settings.
+    substeps : Of its last frame.
+    free : Whether nothing holds the bodies.
+    """
+
+    target: Target
+    x: Floats
+    own: Floats | None
+    mass: Floats
+    own_error: float
+    rows: list[dict[str, Any]]
+    label: str
+    substeps: int
+    free: bool
+
+    @property
+    def times(self) -> Floats:
+        """Times of the frames [s], shape [f + 1]."""
+        return np.arange(len(self.x), dtype=np.float64) * self.target.frame
+
+
+def find_reference(
+    scene: Scene,
+    work: Path | None = None,
+    *,
+    safety: float = REFERENCE_SAFETY,
+    announce: Callable[[str], None] = lambda text: None,
+) -> Reference:
+    """Compute the reference of a scene, or find it where it was computed before.
+
+    Parameters
+    ----------
+    work : Folder of the runs; femgal's cache when None.
+    safety : Share of the stable step.
+
+    Raises
+    ------
+    InputError
+        The reference itself fails.
+    """
+    found = reference_motion(scene, work or cache_root() / "references", reference_safety=safety, announce=announce)
+    target, numbers = target_of(scene), found.numbers
+    start = np.zeros_like(found.motion[:1])
+    own = None
+    if len(found.coarser) == len(found.motion):
+        own = np.concatenate([start, (found.coarser - found.motion) / np.float32(found.factor)])
+    return Reference(
+        target,
+        target.world.x0 + np.concatenate([start, found.motion]),
+        own,
+        found.mass,
+        found.own_error,
+        [numbers["start"], *numbers["rows"]],
+        found.label,
+        numbers["rows"][-1]["substeps"],
+        numbers["free"],
+    )
