@@ -118,6 +118,7 @@ class Case:
         do, the other axes with all their values.
     requires : What must be there beside femgal, for the reader: "scikit-fem", "a published mesh".
     own_mesh : Whether the case also makes sense on a user's own mesh and material.
+    own_solver : Whether its axis "solver" takes any solver that is plugged in (`verify.solver_under_test`).
     """
 
     id: str
@@ -134,6 +135,7 @@ class Case:
     quick: bool | Mapping[str, Sequence[Any]] = True
     requires: str = ""
     own_mesh: bool = False
+    own_solver: bool = False
 
     def rows(self, axes: Mapping[str, Sequence[Any]] | None = None) -> list[Row]:
         """Every combination of the axes' values, those in `axes` in place of the case's own."""

@@ -28,6 +28,7 @@ from verify.suite import Result, choose, run
 from verify.use import Use
 
 _WHERE = "--solver"
+_TOPICS = "stepping, dynamics"
 _ALLOWED = "module:function, or path/to/file.py:function"
 
 
@@ -59,9 +60,20 @@ def check_solver(
 
 
 def own_solver_rows(solver: SolverUnderTest, pattern: str | None = None, *, quick: bool = False) -> list[Row]:
-    """The rows of a solver that is plugged in."""
+    """The rows of a solver that is plugged in.
+
+    Raises
+    ------
+    InputError
+        No row about solvers fits the pattern.
+    """
     use_own_solver(solver)
-    return choose(pattern, quick=quick, axes={"solver": (OWN_SOLVER,)})
+    rows = choose(pattern, quick=quick, axes={"solver": (OWN_SOLVER,)})
+    # Other cases have solvers of femgal's own as an axis, down to their layers.
+    rows = [row for row in rows if row.case.own_solver]
+    if not rows:
+        raise InputError("no case about a solver of one's own fits", where="-k", found=repr(pattern), allowed=_TOPICS)
+    return rows
 
 
 def as_solver(step: Callable[..., object], method: str | None = None, order: int | None = None) -> SolverUnderTest:

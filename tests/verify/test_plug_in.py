@@ -2,6 +2,7 @@
 """A user's own solver.
 
 1. A correct one passes all that it promises; what it does not promise is skipped, and the row says how to promise it.
+   Cases about solvers of femgal's own are not asked of it.
 2. One that raises, returns something else, wrong shapes or NaN is a failure that says what and where; the arrays that
    it was given are its own to overwrite.
 3. A function is found by module and name or by file and name; what cannot be found, imported or called is an
@@ -18,8 +19,8 @@ import pytest
 
 from meshes.errors import InputError
 from verify import check_solver
-from verify.plug_in import as_solver, load_solver
-from verify.solver_under_test import State
+from verify.plug_in import as_solver, load_solver, own_solver_rows
+from verify.solver_under_test import OWN_SOLVER, State
 from verify.suite import Status
 
 SOLVER_FILE = """
@@ -76,6 +77,15 @@ def test_a_correct_solver_passes_what_it_promises():
     assert found["dynamics/energy-decay"] is Status.SKIP
     skipped = next(result for result in results if result.row.case.id == "dynamics/energy-decay")
     assert "method = backward-euler" in skipped.note
+
+
+def test_only_cases_that_take_any_solver_are_asked():
+    solver = as_solver(symplectic_euler, order=1)
+    rows = own_solver_rows(solver)
+    assert {row.case.id.split("/")[0] for row in rows} == {"dynamics", "stepping"}
+    assert {row.values["solver"] for row in rows} == {OWN_SOLVER}
+    with pytest.raises(InputError, match="stepping, dynamics"):
+        own_solver_rows(solver, "patch/*")
 
 
 def raising(mesh, material, state, h):

@@ -48,6 +48,7 @@ _SOLVED = "implicit steps are solved to 1e-13 of the size, and the velocities di
     reason="rounding of positions of 1 m in 50 steps, against a fall of 12 mm",
     over={"solver": WITH_REFERENCES},
     quick=QUICK,
+    own_solver=True,
 )
 def free_fall(use: Use, *, solver: str) -> Measurement:
     """Thrown under gravity, at rest in its own frame."""
@@ -74,6 +75,7 @@ def free_fall(use: Use, *, solver: str) -> Measurement:
     reason="rounding of forces that cancel, over 20 steps",
     over={"solver": SOLVERS, "held": ("held", "free")},
     quick=QUICK,
+    own_solver=True,
 )
 def rest(use: Use, *, solver: str, held: str) -> Measurement:
     """Twenty steps of doing nothing."""
@@ -94,6 +96,7 @@ def rest(use: Use, *, solver: str, held: str) -> Measurement:
     reason="nothing is computed for these vertices",
     over={"solver": WITH_REFERENCES},
     quick=QUICK,
+    own_solver=True,
 )
 def constrained(use: Use, *, solver: str) -> Measurement:
     """Twenty steps under gravity."""
@@ -116,6 +119,7 @@ def constrained(use: Use, *, solver: str) -> Measurement:
     reason=_SOLVED,
     over={"solver": WITH_REFERENCES},
     quick=QUICK,
+    own_solver=True,
 )
 def linear_momentum(use: Use, *, solver: str) -> Measurement:
     """Of a body that tumbles."""
@@ -137,6 +141,7 @@ def linear_momentum(use: Use, *, solver: str) -> Measurement:
     reason="rounding of positions, and the tolerance of implicit steps",
     over={"solver": WITH_REFERENCES},
     quick=QUICK,
+    own_solver=True,
 )
 def centre_of_mass(use: Use, *, solver: str) -> Measurement:
     """Of a body that tumbles."""
@@ -158,6 +163,7 @@ def centre_of_mass(use: Use, *, solver: str) -> Measurement:
     reason=_SOLVED,
     over={"solver": BACKWARD_EULER},
     quick=QUICK_EULER,
+    own_solver=True,
 )
 def angular_momentum_loss(use: Use, *, solver: str) -> Measurement:
     """Of a body that tumbles."""
@@ -182,6 +188,7 @@ def angular_momentum_loss(use: Use, *, solver: str) -> Measurement:
     reason="rounding of 20 steps",
     over={"solver": ("verlet",)},
     quick={"solver": ("verlet", OWN_SOLVER)},
+    own_solver=True,
 )
 def angular_momentum(use: Use, *, solver: str) -> Measurement:
     """Of a body that tumbles."""
@@ -203,6 +210,7 @@ def angular_momentum(use: Use, *, solver: str) -> Measurement:
     reason="rounding of 40 steps, which the motion itself magnifies",
     over={"solver": ("verlet",)},
     quick={"solver": ("verlet", OWN_SOLVER)},
+    own_solver=True,
 )
 def reversible(use: Use, *, solver: str) -> Measurement:
     """Of a body that tumbles."""
@@ -226,6 +234,7 @@ def reversible(use: Use, *, solver: str) -> Measurement:
     reason="both motions are solved to 1e-13 of the size in each step; errors add up and swing",
     over={"solver": SOLVERS},
     quick=QUICK,
+    own_solver=True,
 )
 def turned_start(use: Use, *, solver: str) -> Measurement:
     """Under gravity, which turns too; the rest shape does not turn, so every F is another one."""
@@ -246,6 +255,7 @@ def turned_start(use: Use, *, solver: str) -> Measurement:
     reason="rounding of energies summed over 600 elements",
     over={"solver": BACKWARD_EULER, "step": ("short", "long")},
     quick={"solver": ("fas", "fas-linear", "jacobi", OWN_SOLVER), "step": ("short",)},
+    own_solver=True,
 )
 def energy_inequality(use: Use, *, solver: str, step: str) -> Measurement:
     """Of a twisted body that tumbles, with energies by scikit-fem; the long step is the sixtieth of a second."""
@@ -270,6 +280,7 @@ def energy_inequality(use: Use, *, solver: str, step: str) -> Measurement:
     reason="rounding of energies summed over 600 elements",
     over={"solver": BACKWARD_EULER},
     quick=QUICK_EULER,
+    own_solver=True,
 )
 def energy_decay(use: Use, *, solver: str) -> Measurement:
     """The body trembles with strains of a few per cent, where its energy is convex but for rotations."""
@@ -295,6 +306,7 @@ def energy_decay(use: Use, *, solver: str) -> Measurement:
     over={"solver": SOLVERS},
     quick=QUICK,
     requires="h5py",
+    own_solver=True,
 )
 def restart(use: Use, *, solver: str) -> Measurement:
     """The second half is taken by a solver that was built anew."""

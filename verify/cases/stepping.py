@@ -53,6 +53,7 @@ _SPEED = 10.0
     },
     quick={"solver": ("fas", "fas-linear", "jacobi", OWN_SOLVER), "mesh": ("box",), "step": ("long",)},
     requires="scikit-fem; the bunny's surface for its rows",
+    own_solver=True,
 )
 def one_step(use: Use, *, solver: str, mesh: str, step: str) -> Measurement:
     """From a twisted, trembling state."""
@@ -79,6 +80,7 @@ def one_step(use: Use, *, solver: str, mesh: str, step: str) -> Measurement:
     reason="(h omega)^2 / 3 = 1.5e-3 is backward Euler's error of the frequency, the largest of the methods here",
     over={"solver": SOLVERS},
     quick=QUICK,
+    own_solver=True,
 )
 def frequency(use: Use, *, solver: str) -> Measurement:
     """By the recursion q_{n+1} = a q_n - b q_{n-1} that fits the amplitudes best: its roots turn by the phase."""
@@ -105,6 +107,7 @@ def frequency(use: Use, *, solver: str) -> Measurement:
     reason="amplitudes of 1e-5 of the size: what is not linear is of that share",
     over={"solver": SOLVERS},
     quick=QUICK,
+    own_solver=True,
 )
 def vibration(use: Use, *, solver: str) -> Measurement:
     """Started at rest in the shape of the lowest mode."""
@@ -125,6 +128,7 @@ def vibration(use: Use, *, solver: str) -> Measurement:
     reason="terms of the next order at the steps here",
     over={"solver": tuple(name for name in SOLVERS if name != "newton")},
     quick=QUICK,
+    own_solver=True,
 )
 def order_in_time(use: Use, *, solver: str) -> Measurement:
     """Of a bar that is struck so that its tip moves by a tenth of its length."""
@@ -150,6 +154,7 @@ def order_in_time(use: Use, *, solver: str) -> Measurement:
     reason="terms of the next order at the steps here",
     over={"solver": ("verlet",)},
     quick={"solver": ("verlet", OWN_SOLVER)},
+    own_solver=True,
 )
 def energy_of_verlet(use: Use, *, solver: str) -> Measurement:
     """Of the struck bar, with energies by scikit-fem."""
