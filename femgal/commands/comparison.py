@@ -33,16 +33,18 @@ def carry_out_comparison(
     if scene is None:
         raise click.UsageError("--compare needs --scene: what the result is a result of")
     from femgal.commands.verify import carry_out
-    from femgal.scene.load import load_scene
     from femgal.scene.overrides import parse_override
+    from verify.compare.align import align
     from verify.compare.comparison import compare_motion
     from verify.compare.reference import find_reference
     from verify.compare.result import read_motion
     from verify.compare.rows import TOLERANCE, comparison_rows
+    from verify.diagnose.target import find_target
 
     motion = read_motion(Path(result))
-    described = load_scene(scene, overrides=dict(parse_override(text) for text in settings))
-    reference = find_reference(described, announce=lambda text: click.echo(f"{text} ...", err=True))
+    target = find_target(None, scene, dict(parse_override(text) for text in settings))
+    align(motion, target)  # what does not belong together is refused before the reference is computed
+    reference = find_reference(target, announce=lambda text: click.echo(f"{text} ...", err=True))
     comparison = compare_motion(motion, reference)
     rows = comparison_rows(comparison, TOLERANCE if tolerance is None else tolerance)
     print_comparison(comparison, on_stderr=outputs.json_alone)

@@ -66,6 +66,7 @@ def test_what_does_not_belong_together(scene, good, tmp_path):
     done = run("verify", "--compare", good, "--scene", scene, "--set", "bodies.0.vertices=200")
     assert done.exit_code == 2
     assert "another mesh" in done.stderr
+    assert "reference (" not in done.stderr
     assert run("verify", "--compare", tmp_path / "none", "--scene", scene).exit_code == 2
     assert run("verify", "--compare", good).exit_code == 2
     assert run("verify", "--compare", good, "--scene", scene, "-k", "material").exit_code == 2

@@ -37,6 +37,7 @@ from verify.compare.reference import find_reference
 from verify.compare.result import ForeignMotion, read_motion
 from verify.compare.rows import comparison_rows
 from verify.compare.table import table, verdict
+from verify.diagnose.target import target_of
 from verify.suite import Status, run_row
 from verify.use import Use
 
@@ -55,9 +56,9 @@ def scene(tmp_path_factory):
 def reference(scene, tmp_path_factory):
     told: list[str] = []
     work = tmp_path_factory.mktemp("references")
-    found = find_reference(scene, work, announce=told.append)
+    found = find_reference(target_of(scene), work, announce=told.append)
     assert len(told) == 2
-    find_reference(scene, work, announce=told.append)
+    find_reference(target_of(scene), work, announce=told.append)
     assert len(told) == 2
     return found
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from meshes.errors import InputError
 from verify.compare.match import Matching, check_count, match
-from verify.compare.reference import Reference
 from verify.compare.result import ForeignMotion
 from verify.diagnose.target import Target
 
@@ -23,7 +22,7 @@ ON_TIME = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Aligned:
-    """Those frames of a foreign motion that the reference has too.
+    """Those frames of a foreign motion that the scene has too.
 
     Parameters
     ----------
@@ -46,7 +45,7 @@ class Aligned:
         return np.asarray(np.isfinite(self.x).all(axis=(1, 2)))
 
 
-def align(motion: ForeignMotion, reference: Reference) -> Aligned:
+def align(motion: ForeignMotion, target: Target) -> Aligned:
     """Bring a motion into our order.
 
     Raises
@@ -54,25 +53,25 @@ def align(motion: ForeignMotion, reference: Reference) -> Aligned:
     InputError
         Another mesh, or times that are no frames of the scene.
     """
-    frames = _frames(motion, reference)
-    kept = frames < len(reference.x)
+    frames, last = _frames(motion, target), target.scene.frames
+    kept = frames <= last
     if not kept.any():
         raise InputError(
             "no frame is one of the scene",
             where=motion.name,
             found=f"frames {frames.min()} to {frames.max()}",
-            allowed=f"0 to {len(reference.x) - 1}",
+            allowed=f"0 to {last}",
         )
-    matching = _matching(motion, frames, reference.target)
+    matching = _matching(motion, frames, target)
     x = motion.x[kept][:, matching.theirs]
     if motion.displacements:
-        x = reference.target.disc.mesh.points + x
+        x = target.disc.mesh.points + x
     v = None if motion.v is None else motion.v[kept][:, matching.theirs]
     return Aligned(frames[kept], x, v, matching, int((~kept).sum()))
 
 
-def _frames(motion: ForeignMotion, reference: Reference) -> Integers:
-    frame = 1.0 if motion.counted else reference.target.frame
+def _frames(motion: ForeignMotion, target: Target) -> Integers:
+    frame = 1.0 if motion.counted else target.frame
     number = np.asarray(motion.times, np.float64) / frame
     nearest = np.round(number)
     off = np.flatnonzero(~(np.abs(number - nearest) <= ON_TIME) | (nearest < 0))

@@ -130,7 +130,7 @@ def compare_motion(motion: ForeignMotion, reference: Reference) -> Comparison:
     InputError
         It is of another mesh, or its times are no frames of the scene.
     """
-    aligned = align(motion, reference)
+    aligned = align(motion, reference.target)
     frames, mass = aligned.frames, reference.mass
     ours, start = reference.x[frames], reference.target.world.x0
     with np.errstate(invalid="ignore", over="ignore"):

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femgal.scene.model import Scene
 from meshes.cache import cache_root
 from verify.benchmark.motion import REFERENCE_SAFETY, reference_motion
-from verify.diagnose.target import Target, target_of
+from verify.diagnose.target import Target
 
 Floats = NDArray[np.float64]
 
@@ -53,13 +52,13 @@ class Reference:
 
 
 def find_reference(
-    scene: Scene,
+    target: Target,
     work: Path | None = None,
     *,
     safety: float = REFERENCE_SAFETY,
     announce: Callable[[str], None] = lambda text: None,
 ) -> Reference:
-    """Compute the reference of a scene, or find it where it was computed before.
+    """Compute the reference of a target's scene, or find it where it was computed before.
 
     Parameters
     ----------
@@ -71,8 +70,10 @@ def find_reference(
     InputError
         The reference itself fails.
     """
-    found = reference_motion(scene, work or cache_root() / "references", reference_safety=safety, announce=announce)
-    target, numbers = target_of(scene), found.numbers
+    found = reference_motion(
+        target.scene, work or cache_root() / "references", reference_safety=safety, announce=announce
+    )
+    numbers = found.numbers
     start = np.zeros_like(found.motion[:1])
     own = None
     if len(found.coarser) == len(found.motion):
