@@ -11,6 +11,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from femgal.discretisation import Discretisation
@@ -320,8 +321,6 @@ def _order_of_gain(use: Use, solver: str, expected: float) -> Measurement:
 
 def asymptotic_factor(backend: Backend, solver: str) -> float:
     """Largest |eigenvalue| of what an iteration makes of a small error around rest."""
-    from scipy.sparse.linalg import LinearOperator, eigs
-
     disc = backend.disc
     X, free = disc.mesh.points, np.repeat(disc.free, 3)
     phi = IncrementalPotential(backend, X.copy(), _LONG)
@@ -336,6 +335,6 @@ def asymptotic_factor(backend: Backend, solver: str) -> float:
 
     n = int(free.sum())
     smooth = np.sin(X.sum(axis=1, keepdims=True) * np.ones((1, 3))).ravel()[free]
-    operator = LinearOperator((n, n), iterate, dtype=np.float64)
-    found = eigs(operator, 1, ncv=20, v0=smooth, tol=1e-5, maxiter=100, return_eigenvectors=False)
+    operator = spla.LinearOperator((n, n), iterate, dtype=np.float64)
+    found = spla.eigs(operator, 1, ncv=20, v0=smooth, tol=1e-5, maxiter=100, return_eigenvectors=False)
     return float(abs(found[0]))

@@ -100,6 +100,11 @@ class Assembled:
         elasticity = AssembledElasticity(self.disc.mesh, self.disc.mu, self.disc.lam)
         return 0.5 * self.inverse_h2 * float(self.disc.mass @ ((x - self.xhat) ** 2).sum(axis=1)) + elasticity.energy(x)
 
+    def gradient_at(self, x: Floats) -> Floats:
+        """grad phi(x) [N] at all vertices, shape [n, 3]."""
+        elasticity = AssembledElasticity(self.disc.mesh, self.disc.mu, self.disc.lam)
+        return self.inverse_h2 * self.disc.mass[:, None] * (x - self.xhat) + elasticity.gradient(x)
+
     def energy_terms(self, x: Floats) -> float:
         """Sum of V (mu/2 |F|^2 + mu |J| + lam/2 (J - 1)^2) over the elements and of m |x - xhat|^2 / (2 h^2) [J]."""
         F = deformation(self.disc, x)
