@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 import shlex
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,9 @@ FAILURES, NOT_RUN, INTERRUPTED = 1, 2, 130
 @click.option("--scene", type=click.Path(), metavar="FILE", help="Its material and constraints; or a scene as it is.")
 @click.option("--compare", "result", type=click.Path(), metavar="RESULT", help="A motion of --scene to be judged.")
 @click.option("--tolerance", type=click.FloatRange(0.0, 1.0, min_open=True), help="Of --compare; 0.02 by default.")
+@click.option(
+    "--solver", type=click.Path(), metavar="FILE.py:FUNCTION", help="Your own solver, through the same cases."
+)
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Of the scene: --set bodies.0.nu=0.49")
 @click.option("--device", type=click.Choice(("cpu", "cuda")), default="cpu", show_default=True)
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Write JSON, JUnit, Markdown and HTML.")
@@ -51,6 +54,7 @@ def command(
     scene: str | None,
     result: str | None,
     tolerance: float | None,
+    solver: str | None,
     settings: tuple[str, ...],
     device: str,
     report: Path | None,
@@ -65,22 +69,24 @@ def command(
     femgal verify --full --report out/    out/verify.html shows everything
     femgal verify --mesh body.msh         what is wrong with a mesh; --scene or --set give its material
     femgal verify --compare out/ --scene drape.toml    somebody's result (.vtkhdf, .pvd, .csv) against the reference
+    femgal verify --solver my_solver.py:step           a solver of your own; verify/solver_under_test.py says how
     Exit codes: 0 all pass, 1 failures, 2 could not run, 130 interrupted.
     """  # noqa: D301 - click reads the backspace
     from femgal.commands.comparison import carry_out_comparison
     from femgal.commands.diagnosis import carry_out_diagnosis, find_rows, find_user_target
-    from verify.suite import choose
     from verify.use import Use
 
     quick = not listing if quick is None else quick
     if result is not None:
-        if mesh is not None or listing or pattern is not None:
-            raise click.UsageError("--compare goes with --scene, and not with --mesh, --list or -k")
+        if mesh is not None or listing or pattern is not None or solver is not None:
+            raise click.UsageError("--compare goes with --scene, and not with --mesh, --solver, --list or -k")
         use, outputs = Use(device), Outputs(report, json_path, force)
         ctx.exit(carry_out_comparison(result, scene, settings, tolerance, use, outputs, typed_command(ctx)))
     if tolerance is not None:
         raise click.UsageError("--tolerance goes with --compare")
-    target = find_user_target(mesh, scene, settings)
+    if solver is not None and (mesh is not None or scene is not None or settings):
+        raise click.UsageError("--solver goes without --mesh, --scene and --set: its cases bring their own bodies")
+    target, choose = find_user_target(mesh, scene, settings), _chooser(solver)
     rows = choose(pattern, quick=quick) if target is None else find_rows(target, pattern, quick)
     if listing:
         from verify.listing import listing as lines_of
@@ -93,7 +99,21 @@ def command(
     _need_device(use)
     if target is not None:
         ctx.exit(carry_out_diagnosis(target, rows, use, outputs, typed_command(ctx)))
-    ctx.exit(carry_out(rows, use, outputs, typed_command(ctx), _left_out(quick, pattern, len(rows))))
+    more = len(choose(pattern, quick=False)) - len(rows)
+    ctx.exit(carry_out(rows, use, outputs, typed_command(ctx), _left_out(more)))
+
+
+def _chooser(solver: str | None) -> Callable[..., list[Row]]:
+    """Chooses rows by pattern and quick: those of the suite, or those of a solver of one's own."""
+    from functools import partial
+
+    from verify.suite import choose
+
+    if solver is None:
+        return choose
+    from verify.plug_in import load_solver, own_solver_rows
+
+    return partial(own_solver_rows, load_solver(solver))
 
 
 class Outputs:
@@ -191,12 +211,10 @@ def typed_command(ctx: click.Context) -> str:
     return " ".join(words)
 
 
-def _left_out(quick: bool, pattern: str | None, chosen: int) -> dict[str, str]:
-    from verify.suite import choose
+def _left_out(more: int) -> dict[str, str]:
     from verify.use import DEVICES, unavailable
 
     reasons = {device: reason for device in DEVICES if (reason := unavailable(device))}
-    more = len(choose(pattern)) - chosen if quick else 0
     return ({_rows(more): "they take longer; --full runs them"} if more else {}) | reasons
 
 
