@@ -8,6 +8,7 @@ from typing import Any
 
 from reports.verification.facts import facts
 from reports.verification.groups import CaseRows, Row, Topic, failures, topics
+from reports.verification.own import sections
 from reports.verification.words import STATUSES, count_of_kinds, judgement, number, numbers, summary_lines
 
 _SPECIAL = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"} | {"\n": " ", "\r": " "})
@@ -21,6 +22,7 @@ def markdown(record: Mapping[str, Any]) -> str:
         f"**{_plain(first)}**",
         "\n".join(f"- {_plain(line)}" for line in rest),
         _failures(failures(record["rows"])),
+        *(f"## {_plain(one.title)}\n\n{_plain(one.text)}\n\n{_table(one.heads, one.rows)}" for one in sections(record)),
         "## Counts",
         _table(
             ("kind of reference", *STATUSES, "rows"),

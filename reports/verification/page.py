@@ -12,6 +12,7 @@ from reports.verification.facts import facts
 from reports.verification.figure import figure
 from reports.verification.groups import CaseRows, Row, Topic, failures, topics
 from reports.verification.markup import Markup, element, join
+from reports.verification.own import TONES, Section, sections
 from reports.verification.table import reference_details, status_mark, topic_table
 from reports.verification.words import (
     KINDS,
@@ -40,6 +41,7 @@ def page(record: Mapping[str, Any]) -> str:
         element(
             "main",
             _failures(failures(record["rows"])),
+            *map(_own, sections(record)),
             _summary(record),
             _contents(parts),
             _filter(),
@@ -80,6 +82,28 @@ def _header(record: Mapping[str, Any]) -> Markup:
         ),
         class_=f"verdict {tone}",
     )
+
+
+def _own(section: Section) -> Markup:
+    """A table about the user's own mesh or result."""
+    heads = (element("th", head, scope="col") for head in section.heads)
+    return element(
+        "section",
+        element("h2", section.title),
+        element("p", section.text, class_="meaning"),
+        element(
+            "table",
+            element("caption", section.title, class_="unseen"),
+            element("thead", element("tr", *heads)),
+            element("tbody", *(element("tr", *map(_cell, row)) for row in section.rows)),
+            class_="kinds",
+        ),
+        class_="own",
+    )
+
+
+def _cell(text: str) -> Markup:
+    return element("td", text, class_=f"status {TONES[text]}" if text in TONES else None)
 
 
 def _failures(rows: list[Row]) -> Markup | None:
