@@ -61,8 +61,8 @@ def _comparison(comparison: Mapping[str, Any]) -> Section:
     shown = rows[::step] if (len(rows) - 1) % step == 0 else [*rows[::step], rows[-1]]
     own = number(comparison["reference"]["own_error"])
     text = (
-        f"{comparison['matching']}; {comparison['frames']} of the {comparison['frames_of_scene'] + 1} frames of the scene; "
-        f"velocities: {comparison['velocities']}. Relative trajectory error {number(comparison['error'])}; "
+        f"{comparison['matching']}; {comparison['frames']} of the {comparison['frames_of_scene'] + 1} frames of the "
+        f"scene; velocities: {comparison['velocities']}. Relative trajectory error {number(comparison['error'])}; "
         f"that of the reference itself {own}."
     )
     heads = ("frame", "time [s]", "error", "largest [m]", "total energy [J]", "of the reference [J]", "|p|", "|p| ref")
