@@ -191,6 +191,7 @@ def definite_products(use: Use, *, mesh: str, precision: Precision) -> Measureme
     tolerance=_TOLERANCE,
     reason=_ROUNDING,
     over={"mesh": ("box", "rabbit"), "precision": PRECISIONS},
+    quick={"mesh": ("box",)},
     requires="scikit-fem",
 )
 def corrections(use: Use, *, mesh: str, precision: Precision) -> Measurement:
@@ -212,6 +213,7 @@ def corrections(use: Use, *, mesh: str, precision: Precision) -> Measurement:
     tolerance={"float64": 1e-13, "float32": 1e-6},
     reason="rounding of each element's terms, which partly cancels over all elements",
     over={"mesh": ("box", "rabbit"), "precision": PRECISIONS},
+    quick={"mesh": ("box",)},
     requires="scikit-fem",
     own_mesh=True,
 )

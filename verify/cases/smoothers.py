@@ -19,7 +19,7 @@ from verify.case import PRECISIONS, Kind, Measurement, case
 from verify.cases.cycles import make, sequence, started
 from verify.measure import at_most, compare, worst
 from verify.problems import STATES, body, mean_edge, rng
-from verify.reference.corrections import dense_corrections
+from verify.reference.corrections import corrections_at
 from verify.reference.galerkin import HIERARCHIES, assembled, balanced, layers
 from verify.reference.transfer import block_diagonal, diagonal_blocks, galerkin, mass_matrix, prolongation
 from verify.use import Use
@@ -128,6 +128,7 @@ def consistent_steps(use: Use, *, hierarchy: str) -> Measurement:
     tolerance={"float64": 1e-12, "float32": 2e-5},
     reason="rounding of the coefficients, whose roots are simple",
     over={"mesh": ("box", "rabbit"), "precision": PRECISIONS},
+    quick={"mesh": ("box",)},
     requires="scikit-fem",
 )
 def exact_steps(use: Use, *, mesh: str, precision: Precision) -> Measurement:
@@ -162,6 +163,7 @@ def exact_steps(use: Use, *, mesh: str, precision: Precision) -> Measurement:
     tolerance={"float64": 1e-14, "float32": 1e-11},
     reason="rounding of the energies that are compared; in single precision the square of that of a force",
     over={"solver": ("jacobi", "v-clusters", "v-lattice"), "precision": PRECISIONS},
+    quick={"solver": ("jacobi", "v-lattice")},
     requires="scikit-fem",
 )
 def potential_never_grows(use: Use, *, solver: str, precision: Precision) -> Measurement:
@@ -205,17 +207,17 @@ def error_falls_on_a_quadratic(use: Use, *, solver: str) -> Measurement:
     """Smoothing by smoothing from displacements of 1e-5 edges around rest."""
     disc = body("box")
     X, free, inverse_h2 = disc.mesh.points, disc.free, 1e-2 * balanced(disc)
-    dense = dense_corrections(disc, (), X, inverse_h2)
+    exact = corrections_at(disc, (), X, inverse_h2)
     d = 1e-5 * mean_edge(disc.mesh) * rng(40).standard_normal(X.shape) * free[:, None]
     phi = IncrementalPotential(use.backend(disc), X + d, inverse_h2**-0.5)
-    solution = np.linalg.solve(dense.A, (inverse_h2 * disc.mass[:, None] * d)[free].ravel())
+    solution = exact.solution((inverse_h2 * disc.mass[:, None] * d)[free].ravel())
     one = make(phi.backend, solver, "spectral")
     assert isinstance(one, Relaxation)
     x = started(one, phi, X + d).x
-    norms = [dense.norm(d[free].ravel() - solution)]
+    norms = [exact.norm(d[free].ravel() - solution)]
     for number in 10 * sequence(disc, solver):
         one.smooth_layer(phi, x, number)
-        norms.append(dense.norm((x - X)[free].ravel() - solution))
+        norms.append(exact.norm((x - X)[free].ravel() - solution))
     ratios = np.array(norms[1:]) / norms[:-1]
     return at_most(float(ratios.max()), 1.0, f"{len(ratios)} smoothings left {norms[-1] / norms[0]:.2g} of the error")
 

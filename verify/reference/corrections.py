@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Multigrid on a quadratic potential as dense matrices: corrections of layers, and what a sequence makes of an error.
+"""Multigrid on a quadratic potential as matrices: corrections of layers, and what a sequence makes of an error.
 
 One smoothing of layer l with step w is u -= w P D^-1 P^T (A u - b) with D the block diagonal of P^T A P, so it takes
 the error e = u - A^-1 b to (I - w P D^-1 P^T A) e. A cycle is the product of these in the order of its layers.
@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from femgal.discretisation import Discretisation
@@ -40,7 +42,7 @@ SEQUENCES: dict[tuple[str, int], tuple[int, ...]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class DenseCorrections:
+class Corrections:
     """A potential with constant Hessian at the free vertices, and the layers that correct it; f free components.
 
     Parameters
@@ -49,12 +51,16 @@ class DenseCorrections:
     C : P D^-1 P^T of each layer [m/N], finest first, shape [f, f] each.
     """
 
-    A: Floats
-    C: tuple[Floats, ...]
+    A: sp.csr_matrix
+    C: tuple[sp.csr_matrix, ...]
+
+    def solution(self, b: Floats) -> Floats:
+        """A^-1 b [m] of a load [N], by a direct solver."""
+        return spla.spsolve(self.A.tocsc(), b)
 
     def norm(self, e: Floats) -> float:
         """Energy norm sqrt(e . A e) of an error at the free vertices."""
-        return float(np.sqrt(e.ravel() @ self.A @ e.ravel()))
+        return float(np.sqrt(e.ravel() @ (self.A @ e.ravel())))
 
     def direction(self, layer: int, residual: Floats) -> Floats:
         """-P D^-1 P^T r [m] of a residual r = A u - b [N], shape [f]."""
@@ -71,28 +77,28 @@ class DenseCorrections:
         for layer in sequence:
             r = self.A @ u - b
             d = self.direction(layer, r)
-            u = u + (w[layer] if w is not None else -(r @ d) / (d @ self.A @ d)) * d
+            u = u + (w[layer] if w is not None else -(r @ d) / (d @ (self.A @ d))) * d
         return u
 
     def propagation(self, sequence: Sequence[int], w: Floats) -> Floats:
         """Error propagation of a sequence of layers, shape [f, f]."""
-        E = np.eye(len(self.A))
+        E = np.eye(self.A.shape[0])
         for layer in sequence:
             E -= w[layer] * (self.C[layer] @ (self.A @ E))
         return E
 
 
-def dense_corrections(
+def corrections_at(
     disc: Discretisation, layers: Sequence[Layer], x: Floats, inverse_h2: float, *, scalar: bool = False
-) -> DenseCorrections:
+) -> Corrections:
     """The incremental potential as it curves at x, with the blocks (or diagonals) of each layer there."""
     free = np.repeat(disc.free, 3)
     whole = AssembledElasticity(disc.mesh, disc.mu, disc.lam).hessian(x) + inverse_h2 * mass_matrix(disc.mass)
     A = whole.tocsr()[free][:, free]
-    corrections = []
+    found = []
     for layer in layers:
         P = prolongation(layer)[free]
         blocks = diagonal_blocks(galerkin(P, A))
         inverse: Floats = np.asarray(np.linalg.inv(blocks * np.eye(3) if scalar else blocks), np.float64)
-        corrections.append((P @ block_diagonal(inverse) @ P.T).toarray())
-    return DenseCorrections(A.toarray(), tuple(corrections))
+        found.append((P @ block_diagonal(inverse) @ P.T).tocsr())
+    return Corrections(A, tuple(found))
