@@ -159,7 +159,7 @@ class SolverSettings(Table):
         the solver leaves undone (measured; soft bodies gain most), ``fresh`` makes them at every smoothing.
     precision : Arithmetic of the element passes, ``float64`` or ``float32``; positions, velocities and all sums stay in
         double precision. Single precision takes some two thirds of the time, and its rounding stays far below the
-        error of the default steps (reports/published); bodies that turn far at strains below 1e-4 want double.
+        error of the default steps (reports/published).
     threads : CPU threads; all when left out.
     """
 
