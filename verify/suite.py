@@ -53,7 +53,7 @@ class Result:
 # From the parts to the whole: the first red row is where to begin.
 TOPICS = (
     *("material", "eigenvalues", "derivatives", "invariance", "collapse"),
-    *("transfer", "blocks", "cycles"),
+    *("transfer", "blocks", "smoothers", "cycles"),
     *("patch", "manufactured", "exact", "bending"),
     *("stepping", "dynamics", "consistency", "system"),
 )

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shlex
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -72,6 +73,8 @@ def command(
     femgal verify --solver my_solver.py:step           a solver of your own; verify/solver_under_test.py says how
     Exit codes: 0 all pass, 1 failures, 2 could not run, 130 interrupted.
     """  # noqa: D301 - click reads the backspace
+    # The dense problems of the references are small: more threads would only spin. Read when NumPy is imported.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from femgal.commands.comparison import carry_out_comparison
     from femgal.commands.diagnosis import carry_out_diagnosis, find_rows, find_user_target
     from verify.use import Use
