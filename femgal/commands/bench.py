@@ -172,8 +172,8 @@ def _deliver(
         return
     from rich.console import Console
 
-    # No figure is cut off where the terminal is narrow: its lines wrap.
-    console = Console(width=160, highlight=False)
+    # No figure is cut off, however narrow the terminal and long the labels: its lines wrap.
+    console = Console(width=400, highlight=False)
     for line in preamble:
         console.print(line, soft_wrap=True, markup=False)
     for table in tables:

@@ -12,11 +12,10 @@ by rho / (1 + sqrt(1 - rho^2)) at each, where the plain iteration has rho. That 
 
 1. With rho = "auto", and where a line search promises that the potential never grows, the extrapolation ends at the
    first minimum of the potential on the way, for one energy pass; the weights are only bounds, those of rho = 1 with
-   "auto". That makes rho needless: on a bunny of 6,700 vertices the minimum gains more than the best rho, from the
-   second iteration on. Fixed weights spread the error evenly over all modes, so that until it is small they are worse
-   than none: one of 1 / T_k(1 / rho) is left in motions that the plain iteration has right at once.
-   For equal work shorter steps of one iteration are mostly as good or better: extrapolation is for steps that have to
-   be long, or solved to a tolerance.
+   "auto". That makes rho needless. Fixed weights spread the error evenly over all modes, so that until it is small
+   they are worse than none: one of 1 / T_k(1 / rho) is left in motions that the plain iteration has right at once.
+   For equal work shorter steps are about as good (reports/published/motion-cycles.txt): extrapolation is for steps
+   that have to be long, or solved to a tolerance.
 2. Momentum of free parts is put right after the extrapolation: the first iterate of a line search does not have it.
 """
 

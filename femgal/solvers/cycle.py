@@ -4,10 +4,8 @@
 Every layer is connected directly to the finest mesh and works on the current positions, so nothing is restricted or
 interpolated between coarse layers: a cycle is a sequence of layers to smooth (Lu et al. 2025, section 5.3.2).
 
-V, F and W gain more per cycle, but for equal work more steps with coarse-to-fine mostly do better. Pinned bunny,
-6,700 vertices, spectral steps, 200 passes per frame, trajectory error with coarse-to-fine / V(1, 1) / W(1, 1): E = 1
-MPa, clusters .056 / .11 / .18 %, linear .17 / .14 / .30 %; E = 10 MPa, clusters 1.7 / 4.7 / 4.2 %, linear .71 / 7.6 /
-18 %. The stiffer the body for the step, the larger the difference.
+V and W gain more per cycle, but for equal work more steps with coarse-to-fine do as well with exact steps and better
+with spectral ones (reports/published/motion-cycles.txt).
 """
 
 from __future__ import annotations
