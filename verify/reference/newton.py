@@ -2,7 +2,7 @@
 """Minimiser of the incremental potential by Newton's method with a sparse direct solver: the solution of one step.
 
 Energies, gradients and Hessians come from scikit-fem, so a converged step owes nothing to the passes that it checks.
-Where the Hessian of the potential is not positive definite it is shifted by its own smallest eigenvalue.
+Where the Hessian of the potential is not positive definite its diagonal is raised until it is.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ Floats = NDArray[np.float64]
 _SUFFICIENT = 1e-4
 # Below this share of |phi| a decrease drowns in the rounding of the energies, and Newton's step is taken as it is.
 _ROUNDING = 1e-11
+# First shift of an indefinite matrix, in units of its mean diagonal entry.
+_SHIFT = 1e-3
 
 
 @dataclass(eq=False)
@@ -91,16 +93,19 @@ class ReferenceNewton:
 
 
 def solve_definite(A: sp.csr_matrix, b: Floats) -> Floats:
-    """Solve (A + s I) y = b with s = 0 where A is positive definite, else 1.5 times its smallest eigenvalue's size.
+    """Solve (A + s I) y = b with s = 0 where A is positive definite, else the first of a growing row that makes it so.
 
     Without pivoting the signs of U's diagonal are those of the eigenvalues (Sylvester's law of inertia).
     """
-    options = {"SymmetricMode": True}
-    factor = spla.splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-    if not ((factor.U.diagonal() > 0.0).all() and (factor.perm_r == factor.perm_c).all()):
-        smallest = float(spla.eigsh(A, 1, which="SA", return_eigenvectors=False, tol=1e-2)[0])
-        factor = spla.splu((A + 1.5 * abs(smallest) * sp.eye(A.shape[0])).tocsc())
+    factor, shift = _factorise(A), _SHIFT * float(np.abs(A.diagonal()).mean())
+    while not ((factor.U.diagonal() > 0.0).all() and (factor.perm_r == factor.perm_c).all()):
+        factor = _factorise(A + shift * sp.eye(A.shape[0]))
+        shift *= 4.0
     return factor.solve(b)
+
+
+def _factorise(A: sp.csr_matrix) -> spla.SuperLU:
+    return spla.splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 def backtrack(value: Callable[[float], float], slope: float) -> float:
