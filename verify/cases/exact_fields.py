@@ -109,6 +109,7 @@ def wave_forces(use: Use, *, wave: str, precision: Precision) -> Measurement:
     tolerance=1e-11,
     reason="rest is approached by a factor of ten per step, twelve times, with residuals of 1e-13 m",
     over={"solver": SOLVERS},
+    quick={"solver": ("chebyshev",)},
 )
 def bar_between_walls(use: Use, *, solver: str) -> Measurement:
     """Production's backward Euler with long steps, from the undeformed bar."""

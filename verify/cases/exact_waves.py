@@ -78,6 +78,7 @@ def wave_verlet(use: Use, *, wave: str, precision: Precision) -> Measurement:
     tolerance=_SOLVED,
     reason=_SOLVED_REASON,
     over={"wave": WAVES, "solver": SOLVERS, "precision": PRECISIONS},
+    quick={"solver": ("fas",)},
 )
 def wave_backward_euler(use: Use, *, wave: str, solver: str, precision: Precision) -> Measurement:
     """Positions of every vertex at every step."""
@@ -101,7 +102,7 @@ def wave_backward_euler(use: Use, *, wave: str, solver: str, precision: Precisio
 def wave_damping(use: Use, *, wave: str) -> Measurement:
     """Energies of production's energy pass and of the velocities."""
     one = standing_wave(wave)
-    h, states = _backward_euler(use, wave, "chebyshev", "float64")
+    h, states = _backward_euler(use, wave, "fas", "float64")
     backend = use.backend(one.disc)
     energy = np.array(
         [0.5 * float(one.disc.mass @ (s.v**2).sum(axis=1)) + backend.energies(s.x)[0].sum() for s in states]
@@ -124,7 +125,7 @@ def wave_damping(use: Use, *, wave: str) -> Measurement:
 def wave_phase(use: Use, *, wave: str) -> Measurement:
     """Phase of displacement and velocity where the wave is highest."""
     one = standing_wave(wave)
-    h, states = _backward_euler(use, wave, "chebyshev", "float64")
+    h, states = _backward_euler(use, wave, "fas", "float64")
     vertex = int(np.argmax(one.shape[:, 0]))
     u = np.array([s.x[vertex, 0] for s in states]) - one.disc.mesh.points[vertex, 0]
     v = np.array([s.v[vertex, 0] for s in states])
@@ -143,6 +144,7 @@ def wave_phase(use: Use, *, wave: str) -> Measurement:
     tolerance=1e-9,
     reason="10^2 residuals of 1e-13 m over displacements of 0.03 m, three times",
     over={"mesh": ("box", "rabbit")},
+    quick={"mesh": ("box",)},
 )
 def any_body_backward_euler(use: Use, *, mesh: str) -> Measurement:
     """Sum over modes of a body of varied material."""

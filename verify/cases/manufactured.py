@@ -131,6 +131,7 @@ def error(use: Use, *, norm: str, material: str, finest: int) -> Measurement:
     tolerance=1e-3,
     reason="forces are right to 1e-6 of their terms, the error is a hundredth of the displacement",
     over={"material": MATERIALS},
+    quick={"material": ("uniform",)},
 )
 def single_precision(use: Use, *, material: str) -> Measurement:
     """Eight cells."""

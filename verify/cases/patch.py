@@ -105,6 +105,7 @@ def solved_single(use: Use, *, solver: str, map: str, mesh: str) -> Measurement:
     tolerance=1e-10,
     reason="forces are rounded, and the softest mode of the direct solve multiplies that",
     over={"map": tuple(MAPS), "mesh": ("box", "rabbit")},
+    quick={"mesh": ("box",)},
 )
 def newton(use: Use, *, map: str, mesh: str) -> Measurement:
     """Static equilibrium without load."""
