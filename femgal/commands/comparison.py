@@ -11,7 +11,7 @@ import click
 if TYPE_CHECKING:
     from femgal.commands.verify import Outputs
     from verify.compare.comparison import Comparison
-    from verify.use import Use
+    from verify.suite.use import Use
 
 
 def carry_out_comparison(

@@ -14,9 +14,9 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from femgal.commands.verify import Outputs
-    from verify.case import Row
     from verify.diagnose.target import Target
-    from verify.use import Use
+    from verify.suite.case import Row
+    from verify.suite.use import Use
 
 COLOURS = {"ok": "green", "note": "blue", "warning": "yellow", "problem": "bold red"}
 _WIDTH = 110

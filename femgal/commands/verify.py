@@ -15,8 +15,8 @@ import click
 from click.core import ParameterSource
 
 if TYPE_CHECKING:
-    from verify.case import Row
-    from verify.use import Use
+    from verify.suite.case import Row
+    from verify.suite.use import Use
 
 FAILURES, NOT_RUN, INTERRUPTED = 1, 2, 130
 
@@ -70,14 +70,14 @@ def command(
     femgal verify --full --report out/    out/verify.html shows everything
     femgal verify --mesh body.msh         what is wrong with a mesh; --scene or --set give its material
     femgal verify --compare out/ --scene drape.toml    somebody's result (.vtkhdf, .pvd, .csv) against the reference
-    femgal verify --solver my_solver.py:step           a solver of your own; verify/solver_under_test.py says how
+    femgal verify --solver my_solver.py:step           a solver of your own; verify/integrators/under_test.py says how
     Exit codes: 0 all pass, 1 failures, 2 could not run, 130 interrupted.
     """  # noqa: D301 - click reads the backspace
     # The dense problems of the references are small: more threads would only spin. Read when NumPy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from femgal.commands.comparison import carry_out_comparison
     from femgal.commands.diagnosis import carry_out_diagnosis, find_rows, find_user_target
-    from verify.use import Use
+    from verify.suite.use import Use
 
     quick = not listing if quick is None else quick
     if result is not None:
@@ -92,7 +92,7 @@ def command(
     target, choose = find_user_target(mesh, scene, settings), _chooser(solver)
     rows = choose(pattern, quick=quick) if target is None else find_rows(target, pattern, quick)
     if listing:
-        from verify.listing import listing as lines_of
+        from verify.suite.listing import listing as lines_of
 
         click.echo("\n".join(lines_of(rows)))
         return
@@ -110,11 +110,11 @@ def _chooser(solver: str | None) -> Callable[..., list[Row]]:
     """Chooses rows by pattern and quick: those of the suite, or those of a solver of one's own."""
     from functools import partial
 
-    from verify.suite import choose
+    from verify.suite.run import choose
 
     if solver is None:
         return choose
-    from verify.plug_in import load_solver, own_solver_rows
+    from verify.integrators.plug_in import load_solver, own_solver_rows
 
     return partial(own_solver_rows, load_solver(solver))
 
@@ -169,8 +169,8 @@ def carry_out(
     more : Entries of the record beside those of the suite.
     """
     from femgal.commands.suite_progress import SuiteProgress
-    from verify.record import as_row, record
-    from verify.suite import Result, run_all
+    from verify.suite.record import as_row, record
+    from verify.suite.run import Result, run_all
 
     results: list[Result] = []
     began = time.perf_counter()
@@ -215,7 +215,7 @@ def typed_command(ctx: click.Context) -> str:
 
 
 def _left_out(more: int) -> dict[str, str]:
-    from verify.use import DEVICES, unavailable
+    from verify.suite.use import DEVICES, unavailable
 
     reasons = {device: reason for device in DEVICES if (reason := unavailable(device))}
     return ({_rows(more): "they take longer; --full runs them"} if more else {}) | reasons
@@ -239,7 +239,7 @@ def _need_packages() -> None:
 
 def _need_device(use: Use) -> None:
     from meshes.errors import InputError
-    from verify.use import DEVICES, unavailable
+    from verify.suite.use import DEVICES, unavailable
 
     if reason := unavailable(use.device):
         allowed = ", ".join(name for name in DEVICES if not unavailable(name))

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from verify.problems import rng
+from verify.problems.bodies import rng
 
 LANES = 32
 COUNT = 10 * LANES

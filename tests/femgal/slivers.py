@@ -11,7 +11,7 @@ from femgal.discretisation import Discretisation
 from femgal.kernels.cpu.threads import Workers
 from femgal.timestep.stable_step import element_stiffness, vertex_stiffness
 from meshes.types import TetMesh
-from verify.problems import distorted_box
+from verify.problems.bodies import distorted_box
 from verify.reference.elasticity import AssembledElasticity
 
 Floats = NDArray[np.float64]

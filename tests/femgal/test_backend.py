@@ -24,7 +24,7 @@ from femgal.hierarchy.hierarchy import build_constant_hierarchy
 from femgal.kernels.plain.backend import PlainBackend
 from meshes.generators import box
 from meshes.types import TetMesh
-from verify.problems import STATES, distorted_box, force_scale, left_end, positions, rng, uniform, varied
+from verify.problems.bodies import STATES, distorted_box, force_scale, left_end, positions, rng, uniform, varied
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.transfer import unpacked
 

@@ -32,7 +32,7 @@ from femgal.solvers.solver import Budget
 from femgal.timestep.backward_euler import BackwardEuler
 from femgal.timestep.potential import eps18
 from femgal.timestep.velocity_verlet import VelocityVerlet
-from verify.problems import Moving, distorted_box, left_end, march, rng, slopes, uniform, varied
+from verify.problems.bodies import Moving, distorted_box, left_end, march, rng, slopes, uniform, varied
 from verify.reference.elasticity import AssembledElasticity
 
 MESH = distorted_box((5, 3, 3))

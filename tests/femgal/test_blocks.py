@@ -28,7 +28,7 @@ from femgal.solvers.fas import FAS
 from femgal.solvers.solver import Budget
 from femgal.timestep.backward_euler import BackwardEuler
 from femgal.timestep.state import MotionState
-from verify.problems import Moving, distorted_box, left_end, march, rng, uniform
+from verify.problems.bodies import Moving, distorted_box, left_end, march, rng, uniform
 from verify.reference.newton import ReferenceNewton
 from verify.reference.transfer import unpacked
 

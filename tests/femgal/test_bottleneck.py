@@ -27,7 +27,7 @@ from meshes.make import make_tets
 from meshes.quality import dihedrals
 from meshes.types import TetMesh
 from tests.femgal.slivers import box_with_slivers, stiffnesses
-from verify.problems import distorted_box, uniform
+from verify.problems.bodies import distorted_box, uniform
 
 CELLS = (9, 4, 4)
 FLAT = 1e-4

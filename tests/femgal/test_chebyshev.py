@@ -30,7 +30,7 @@ from femgal.solvers.smoother import Relaxation
 from femgal.solvers.solver import Budget, Outcome, SolverState, minimise
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import MotionState
-from verify.problems import distorted_box, left_end, positions, rng, uniform
+from verify.problems.bodies import distorted_box, left_end, positions, rng, uniform
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.newton import ReferenceNewton
 from verify.reference.transfer import block_diagonal, diagonal_blocks, mass_matrix

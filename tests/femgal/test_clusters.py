@@ -26,7 +26,7 @@ from femgal.hierarchy.clusters import cluster_vertices
 from meshes.generators import box
 from meshes.ordering import reorder
 from meshes.types import TetMesh
-from verify.problems import distorted_box, left_end, rng
+from verify.problems.bodies import distorted_box, left_end, rng
 
 CUBE = reorder(box(cells=(14, 14, 14), jitter=0.1))[0]  # 3375 vertices
 FREE = np.ones(len(CUBE.points), bool)

@@ -25,9 +25,9 @@ import time
 import pytest
 from click.testing import CliRunner
 
-import verify.case
+import verify.suite.case
 from femgal.cli import main
-from verify.case import Kind, Measurement, Skip
+from verify.suite.case import Kind, Measurement, Skip
 
 FAST = "material/uniform-energy*float64,confined*"
 FASTEST = "material/von-mises*shear* material/von-mises*dilation*"
@@ -42,7 +42,7 @@ def made_up(monkeypatch):
     """Adds a case called made-up/<name> to the suite, for the test only."""
 
     def add(name, function, tolerance=1e-6, **more):
-        monkeypatch.setattr(verify.case, "_CASES", dict(verify.case._CASES))
+        monkeypatch.setattr(verify.suite.case, "_CASES", dict(verify.suite.case._CASES))
         what = {"quantity": "length", "unit": "m", "kind": Kind.IDENTITY, "formula": "1 = 1", "source": "logic"}
         verify.case.case(f"made-up/{name}", title="One is one", tolerance=tolerance, reason="none", **what, **more)(
             function
@@ -160,7 +160,7 @@ def test_bad_options(tmp_path, arguments, expected):
 
 
 def test_a_device_that_is_not_there(monkeypatch, tmp_path):
-    monkeypatch.setattr("verify.use.unavailable", lambda name: "no driver" if name == "cuda" else None)
+    monkeypatch.setattr("verify.suite.use.unavailable", lambda name: "no driver" if name == "cuda" else None)
     result = run("--device", "cuda", "--report", tmp_path / "out")
     assert result.exit_code == 2
     assert "cuda: no driver" in result.stderr
@@ -225,7 +225,7 @@ def test_report(tmp_path, made_up):
 SLEEPY = """
 import sys, time
 from femgal.cli import main
-from verify.case import Kind, Measurement, case
+from verify.suite.case import Kind, Measurement, case
 
 def sleeps(use):
     print("asleep", flush=True, file=sys.stderr)

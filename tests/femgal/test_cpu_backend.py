@@ -34,7 +34,7 @@ from femgal.simulation import Simulation
 from meshes.generators import box
 from meshes.jit import kernel
 from meshes.types import TetMesh
-from verify.problems import STATES, distorted_box, force_scale, left_end, linear_layer, positions, rng, varied
+from verify.problems.bodies import STATES, distorted_box, force_scale, left_end, linear_layer, positions, rng, varied
 
 MESH = distorted_box((14, 9, 9))
 CONSTRAINED = {"free": (), "solid": left_end(MESH, 0.25)}

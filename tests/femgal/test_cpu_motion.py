@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from femgal.kernels.cpu.motion import accelerate_kick, kick_drift
-from verify.problems import rng
+from verify.problems.bodies import rng
 
 N = 1003
 MASS = 10.0 ** rng(300).uniform(-3.0, 3.0, N)

@@ -19,7 +19,7 @@ from femgal.diagnostics import Energies, EnergyGuard, energies_of
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.timestep.state import MotionState
 from femgal.timestep.velocity_verlet import VelocityVerlet
-from verify.problems import Moving, distorted_box, left_end, positions, uniform, varied
+from verify.problems.bodies import Moving, distorted_box, left_end, positions, uniform, varied
 from verify.reference.elasticity import AssembledElasticity
 
 MESH = distorted_box((5, 3, 3))

@@ -16,7 +16,7 @@ import pytest
 from femgal.discretisation import discretise
 from meshes.generators import box
 from meshes.types import TetMesh
-from verify.problems import distorted_box, left_end, rng, varied
+from verify.problems.bodies import distorted_box, left_end, rng, varied
 from verify.reference.elasticity import lumped_mass
 
 MESH = distorted_box()

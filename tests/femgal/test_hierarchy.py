@@ -33,7 +33,7 @@ from femgal.timestep.state import MotionState
 from meshes.generators import box
 from meshes.ordering import reorder
 from meshes.types import TetMesh
-from verify.problems import distorted_box, left_end, uniform, varied
+from verify.problems.bodies import distorted_box, left_end, uniform, varied
 from verify.reference.newton import ReferenceNewton
 
 MESH = distorted_box((9, 5, 5))  # 360 vertices, 324 of them free

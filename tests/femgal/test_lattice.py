@@ -37,7 +37,7 @@ from meshes.connectivity import cell_edges
 from meshes.generators import box
 from meshes.ordering import reorder
 from meshes.types import TetMesh
-from verify.problems import STATES, distorted_box, force_scale, left_end, positions, rng, uniform, varied
+from verify.problems.bodies import STATES, distorted_box, force_scale, left_end, positions, rng, uniform, varied
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.transfer import diagonal_blocks, galerkin, mass_matrix, prolongation, unpacked
 

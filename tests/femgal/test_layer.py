@@ -25,7 +25,7 @@ from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import build_constant_hierarchy
 from femgal.hierarchy.layer import Layer, build_pairs
 from femgal.kernels.plain.backend import PlainBackend
-from verify.problems import STATES, distorted_box, force_scale, left_end, linear_layer, positions, rng, varied
+from verify.problems.bodies import STATES, distorted_box, force_scale, left_end, linear_layer, positions, rng, varied
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.transfer import diagonal_blocks, galerkin, mass_matrix, prolongation, unpacked
 

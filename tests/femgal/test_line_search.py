@@ -18,7 +18,7 @@ import pytest
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.solvers.line_search import SUFFICIENT, backtrack, change, first_minimum
 from femgal.timestep.potential import IncrementalPotential
-from verify.problems import STATES, distorted_box, left_end, positions, rng, uniform
+from verify.problems.bodies import STATES, distorted_box, left_end, positions, rng, uniform
 
 SEARCHES = (first_minimum, backtrack)
 

@@ -31,7 +31,7 @@ from femgal.timestep.stable_step import guaranteed_step
 from femgal.timestep.velocity_verlet import VelocityVerlet
 from meshes.types import TetMesh
 from tests.femgal.slivers import box_with_slivers, largest_frequency, stiffness_matrix, stiffnesses
-from verify.problems import distorted_box, left_end, rng, uniform, varied
+from verify.problems.bodies import distorted_box, left_end, rng, uniform, varied
 
 BOX, SLIVERS = distorted_box((5, 3, 3)), box_with_slivers(1e-2, 3)
 BODIES = {

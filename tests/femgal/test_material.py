@@ -37,7 +37,7 @@ from femgal.materials.tensor import cofactor
 from meshes.types import TetMesh
 from tests.femgal.gradients import COUNT as MANY
 from tests.femgal.gradients import GRADIENTS, LANES, from_tiles, to_tiles
-from verify.problems import rng, slopes
+from verify.problems.bodies import rng, slopes
 from verify.reference.transfer import unpacked
 
 MU, LAM = (float(p) for p in parameters(1e5, 0.4))

@@ -15,7 +15,7 @@ import pytest
 
 from femgal.hierarchy.hierarchy import build_constant_hierarchy
 from femgal.timestep.potential import eps18
-from verify.problems import distorted_box, force_scale, left_end, positions, potential_at, rng, slopes, varied
+from verify.problems.bodies import distorted_box, force_scale, left_end, positions, potential_at, rng, slopes, varied
 from verify.reference.elasticity import AssembledElasticity
 
 MESH = distorted_box()

@@ -29,7 +29,7 @@ from femgal.kernels.cpu.simd import (
     scatter_vectors,
 )
 from meshes.jit import kernel
-from verify.problems import distorted_box, rng, uniform
+from verify.problems.bodies import distorted_box, rng, uniform
 
 PRECISIONS = ("float32", "float64")
 

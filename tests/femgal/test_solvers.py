@@ -26,7 +26,7 @@ from femgal.solvers.smoother import LU2025_STEPS
 from femgal.solvers.solver import Budget, Outcome, SolverState, minimise
 from femgal.timestep.potential import IncrementalPotential, eps18
 from femgal.timestep.state import MotionState
-from verify.problems import STATES, distorted_box, left_end, positions, rng, uniform
+from verify.problems.bodies import STATES, distorted_box, left_end, positions, rng, uniform
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.newton import ReferenceNewton
 from verify.reference.transfer import block_diagonal, diagonal_blocks, galerkin, mass_matrix, prolongation

@@ -24,7 +24,7 @@ from femgal.hierarchy.hierarchy import build_constant_hierarchy
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.solvers.smoother import step_lengths
 from femgal.solvers.spectrum import largest_block_jacobi_eigenvalue, largest_frequency_squared, random_start
-from verify.problems import distorted_box, left_end, linear_layer, positions, potential_at, rng, uniform, varied
+from verify.problems.bodies import distorted_box, left_end, linear_layer, positions, potential_at, rng, uniform, varied
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.transfer import block_diagonal, diagonal_blocks, galerkin, mass_matrix, prolongation
 

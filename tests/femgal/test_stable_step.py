@@ -28,7 +28,7 @@ from meshes.generators import box
 from meshes.make import make_tets
 from meshes.types import TetMesh
 from tests.femgal.slivers import box_with_slivers, largest_frequency, stiffnesses
-from verify.problems import distorted_box, left_end, rng
+from verify.problems.bodies import distorted_box, left_end, rng
 from verify.reference.elasticity import AssembledElasticity
 
 MESH = distorted_box((5, 3, 3))

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from femgal.hierarchy.supports import support_parts
 from meshes.connectivity import cell_edges
 from meshes.generators import box
-from verify.problems import rng
+from verify.problems.bodies import rng
 
 
 def reference_labels(edges: np.ndarray, node: np.ndarray) -> np.ndarray:

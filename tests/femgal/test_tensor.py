@@ -25,7 +25,7 @@ from femgal.materials.tensor import (
     multiply,
     transpose,
 )
-from verify.problems import rng
+from verify.problems.bodies import rng
 
 
 @numba.njit

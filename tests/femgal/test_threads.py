@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from femgal.kernels.cpu.threads import SMALLEST_SHARE, Workers
-from verify.problems import rng
+from verify.problems.bodies import rng
 
 
 def ranges(workers: Workers, ptr_or_rows) -> list[tuple[int, int, int]]:

@@ -28,7 +28,7 @@ from femgal.simulation import Simulation
 from femgal.timestep.build import prepare_mass
 from meshes.io.tets import write_tets
 from tests.femgal.slivers import box_with_slivers
-from verify.problems import distorted_box, uniform
+from verify.problems.bodies import distorted_box, uniform
 
 SCENE = """
 name = "sliver"

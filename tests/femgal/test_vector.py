@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from femgal.materials.vector import add_scaled, cross, dot, negative, normal, select, unit
-from verify.problems import rng
+from verify.problems.bodies import rng
 
 
 @numba.njit

@@ -31,7 +31,7 @@ from femgal.scene.load import load_scene
 from femgal.timestep.state import MotionState
 from femgal.timestep.velocity_verlet import VelocityVerlet
 from meshes.generators import box
-from verify.problems import Moving, distorted_box, left_end, rng, slopes, uniform, varied
+from verify.problems.bodies import Moving, distorted_box, left_end, rng, slopes, uniform, varied
 from verify.reference.elasticity import AssembledElasticity
 
 MESH = distorted_box((5, 3, 3))

@@ -26,7 +26,7 @@ from tests.femgal.scenes import hanging_beam_text
 from verify.benchmark.motion import Candidate, candidates, study
 from verify.benchmark.motion_table import notes, table
 from verify.benchmark.trajectory import momenta, trajectory_error
-from verify.problems import rng
+from verify.problems.bodies import rng
 
 
 def test_trajectory_error():

@@ -15,7 +15,7 @@ import pytest
 from femgal.kernels.cpu.threads import Workers
 from meshes.errors import InputError
 from verify.benchmark.stream import SCALE, Stream, triad
-from verify.problems import rng
+from verify.problems.bodies import rng
 
 
 def test_triad():

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from verify.problems import rng
+from verify.problems.bodies import rng
 from verify.reference.bending import PROBLEMS, Bending, answers, quadratic, refined
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.richardson import extrapolate

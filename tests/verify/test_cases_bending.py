@@ -13,8 +13,8 @@ from dataclasses import replace
 import pytest
 
 from verify.cases import bending
-from verify.suite import Status, choose, run_row
-from verify.use import Use
+from verify.suite.run import Status, choose, run_row
+from verify.suite.use import Use
 
 ROWS = choose("bending/", quick=True)
 USE = Use(threads=1)

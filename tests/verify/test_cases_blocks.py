@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from verify.cases import blocks
-from verify.problems import body
+from verify.problems.bodies import body
 from verify.reference.galerkin import assembled, layers
-from verify.suite import Status, choose, run_row
-from verify.use import Use
+from verify.suite.run import Status, choose, run_row
+from verify.suite.use import Use
 
 ROWS = choose("blocks/", quick=True)
 USE = Use(threads=1)

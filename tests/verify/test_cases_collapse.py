@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from verify.cases.collapse import crushed, laplacian
-from verify.problems import body
-from verify.suite import Status, choose, run
-from verify.use import Use
+from verify.problems.bodies import body
+from verify.suite.run import Status, choose, run
+from verify.suite.use import Use
 
 
 def test_quick_rows_pass():

@@ -10,8 +10,8 @@
 from __future__ import annotations
 
 from verify.cases import consistency
-from verify.suite import Status, choose, run
-from verify.use import Use
+from verify.suite.run import Status, choose, run
+from verify.suite.use import Use
 
 USE = Use()
 

@@ -14,9 +14,9 @@ import pytest
 from femgal.solvers.cycle import Cycle
 from femgal.solvers.smoother import Relaxation
 from verify.cases import cycles
-from verify.problems import body, mean_edge
-from verify.suite import Status, choose, run_row
-from verify.use import Use
+from verify.problems.bodies import body, mean_edge
+from verify.suite.run import Status, choose, run_row
+from verify.suite.use import Use
 
 ROWS = choose("cycles/", quick=True)
 USE = Use(threads=1)

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from verify.cases.derivatives import exact_derivative
-from verify.suite import Status, choose, run, run_row
-from verify.use import Use
+from verify.suite.run import Status, choose, run, run_row
+from verify.suite.use import Use
 
 
 def test_quick_rows_pass():

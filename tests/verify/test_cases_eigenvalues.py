@@ -15,8 +15,8 @@ import pytest
 
 from verify.cases import eigenvalues
 from verify.cases.collapse import laplacian
-from verify.suite import Status, choose, run, run_row
-from verify.use import Use
+from verify.suite.run import Status, choose, run, run_row
+from verify.suite.use import Use
 
 MU, LAM = np.array([1.3]), np.array([4.1])
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from verify.cases import exact_fields
-from verify.problems import body
-from verify.suite import Status, choose, run_row
-from verify.use import Use
+from verify.problems.bodies import body
+from verify.suite.run import Status, choose, run_row
+from verify.suite.use import Use
 
 NAMES = ("straight-motion-forces", "straight-motion-stiffness", "wave-forces", "bar-between-walls", "hanging-bar-order")
 NAMES += ("hanging-bar-error", "frequency-order")

@@ -12,8 +12,8 @@ from dataclasses import replace
 import pytest
 
 from verify.cases import exact_waves
-from verify.suite import Status, choose, run_row
-from verify.use import Use
+from verify.suite.run import Status, choose, run_row
+from verify.suite.use import Use
 
 NAMES = ("wave-verlet", "wave-backward-euler", "wave-damping", "wave-phase", "any-body-verlet", "time-order")
 NAMES += ("any-body-backward-euler",)

@@ -17,11 +17,11 @@ import pytest
 
 from meshes.generators import box
 from meshes.types import TetMesh
-from verify.problems import STATES, body, distorted_box, positions, released, rng, uniform, varied
+from verify.problems.bodies import STATES, body, distorted_box, positions, released, rng, uniform, varied
+from verify.problems.scales import at_vertices, product_terms, terms
 from verify.reference.elasticity import AssembledElasticity
-from verify.scales import at_vertices, product_terms, terms
-from verify.suite import Status, choose, run, run_row
-from verify.use import Use
+from verify.suite.run import Status, choose, run, run_row
+from verify.suite.use import Use
 
 
 def test_quick_rows_pass():

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from verify.cases import manufactured
-from verify.suite import Status, choose, run_row
-from verify.use import Use
+from verify.suite.run import Status, choose, run_row
+from verify.suite.use import Use
 
 ROWS = choose("manufactured/", quick=True)
 USE = Use(threads=1)

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 from verify.cases import material
-from verify.problems import body
+from verify.problems.bodies import body
 from verify.reference.uniform_states import UNIFORM_STATES, confined, dilation, equibiaxial, simple_shear, uniaxial
 from verify.reference.uniform_states import uniform_state as state_of
-from verify.suite import Status, choose, run, run_row
-from verify.use import Use
+from verify.suite.run import Status, choose, run, run_row
+from verify.suite.use import Use
 
 MU, LAM = 1.3e4, 4.1e4
 

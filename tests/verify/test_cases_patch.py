@@ -14,10 +14,9 @@ import numpy as np
 import pytest
 
 from meshes.generators import box
-from verify import problems
 from verify.cases import patch
-from verify.suite import Status, choose, run_row
-from verify.use import Use
+from verify.suite.run import Status, choose, run_row
+from verify.suite.use import Use
 
 ROWS = choose("patch/", quick=True)
 USE = Use(threads=1)
@@ -56,6 +55,6 @@ def test_one_crooked_element_is_noticed(precision):
 
 
 def test_no_inner_vertex(monkeypatch):
-    monkeypatch.setattr(problems, "mesh", lambda name: box(cells=(1, 1, 1)))
+    monkeypatch.setattr(bodies, "mesh", lambda name: box(cells=(1, 1, 1)))
     with pytest.raises(patch.Skip, match="surface"):
         patch.patch("box")

@@ -12,8 +12,8 @@ import pytest
 
 from femgal.solvers import smoother
 from verify.cases import smoothers
-from verify.suite import Status, choose, run_row
-from verify.use import Use
+from verify.suite.run import Status, choose, run_row
+from verify.suite.use import Use
 
 ROWS = choose("smoothers/", quick=True)
 USE = Use(threads=1)

@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from verify.case import Row
-from verify.solver_under_test import OWN_SOLVER, SolverUnderTest, solver_under_test, use_own_solver
-from verify.suite import Status, choose, run, run_row
-from verify.use import Use
+from verify.integrators.under_test import OWN_SOLVER, SolverUnderTest, solver_under_test, use_own_solver
+from verify.suite.case import Row
+from verify.suite.run import Status, choose, run, run_row
+from verify.suite.use import Use
 
 USE = Use()
 CASES = {row.case.id: row.case for row in choose("stepping/*")}

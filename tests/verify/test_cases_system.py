@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from femgal import runner
-from verify.case import Row
 from verify.cases import system
-from verify.scenes import hanging, simulation
-from verify.suite import Status, choose, run, run_row
-from verify.use import Use
+from verify.problems.scenes import hanging, simulation
+from verify.suite.case import Row
+from verify.suite.run import Status, choose, run, run_row
+from verify.suite.use import Use
 
 USE = Use()
 CASES = {row.case.id: row.case for row in choose("system/*")}

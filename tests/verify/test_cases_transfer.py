@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from verify.cases import transfer
-from verify.problems import body, mean_edge
-from verify.suite import Status, choose, run, run_row
-from verify.use import Use
+from verify.problems.bodies import body, mean_edge
+from verify.suite.run import Status, choose, run, run_row
+from verify.suite.use import Use
 
 coarse_layers, nodes_of = transfer.coarse_layers, transfer.nodes_of
 

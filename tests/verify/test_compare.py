@@ -38,8 +38,8 @@ from verify.compare.result import ForeignMotion, read_motion
 from verify.compare.rows import comparison_rows
 from verify.compare.table import table, verdict
 from verify.diagnose.target import target_of
-from verify.suite import Status, run_row
-from verify.use import Use
+from verify.suite.run import Status, run_row
+from verify.suite.use import Use
 
 FRAMES = 8
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from femgal.solvers.cycle import Cycle
-from verify.problems import body, rng
+from verify.problems.bodies import body, rng
 from verify.reference.corrections import SEQUENCES, corrections_at
 from verify.reference.galerkin import layers
 

@@ -19,7 +19,7 @@ from tests.verify.diagnosed import block, target
 from verify.diagnose import cantilever, locking
 from verify.diagnose.finding import Severity
 from verify.diagnose.thickness import face_neighbours, thickness
-from verify.problems import uniform
+from verify.problems.bodies import uniform
 
 
 @pytest.mark.parametrize("cells", [1, 3])

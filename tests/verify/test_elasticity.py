@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from verify.problems import distorted_box, positions, rng
+from verify.problems.bodies import distorted_box, positions, rng
 from verify.reference.elasticity import (
     AssembledElasticity,
     cofactor,

@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from verify.case import Skip
-from verify.problems import STATES, body, rng
+from verify.problems.bodies import STATES, body, rng
 from verify.reference import galerkin
 from verify.reference.galerkin import assembled, balanced, layers, shape_gradients, shares, strains, weights
 from verify.reference.transfer import diagonal_blocks, mass_matrix
+from verify.suite.case import Skip
 
 DISC = body("box")
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import pytest
 
-from verify.case import Case, Kind
-from verify.listing import listing, tolerance_text
+from verify.suite.case import Case, Kind
+from verify.suite.listing import listing, tolerance_text
 
 
 def made_up(**changes):

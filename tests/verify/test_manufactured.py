@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from meshes.generators import box
-from verify.problems import rng
+from verify.problems.bodies import rng
 from verify.reference.elasticity import scalar_basis
 from verify.reference.loads import body_load, surface_load
 from verify.reference.manufactured import kinked_field, smooth_field

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from verify.problems import distorted_box, left_end, potential_at, rng, varied
+from verify.problems.bodies import distorted_box, left_end, potential_at, rng, varied
 from verify.reference.newton import ReferenceNewton, backtrack, solve_definite
 
 MESH = distorted_box((4, 2, 2))

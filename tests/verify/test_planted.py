@@ -17,7 +17,7 @@ import pytest
 import femgal
 from verify.planted.bugs import BUGS, Bug
 from verify.planted.plant import copy_sources, planted, run_cases, run_planted
-from verify.suite import choose
+from verify.suite.run import choose
 
 ROOT = Path(femgal.__file__).resolve().parents[1]
 

@@ -19,9 +19,9 @@ import pytest
 
 from meshes.errors import InputError
 from verify import check_solver
-from verify.plug_in import as_solver, load_solver, own_solver_rows
-from verify.solver_under_test import OWN_SOLVER, State
-from verify.suite import Status
+from verify.integrators.plug_in import as_solver, load_solver, own_solver_rows
+from verify.integrators.under_test import OWN_SOLVER, State
+from verify.suite.run import Status
 
 SOLVER_FILE = """
 from dataclasses import replace

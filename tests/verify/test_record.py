@@ -12,10 +12,10 @@ import math
 
 import pytest
 
-from verify.case import Case, Curve, Kind, Measurement, Plot, Skip
-from verify.record import SCHEMA, as_row, record
-from verify.suite import run
-from verify.use import SEED, Use
+from verify.suite.case import Case, Curve, Kind, Measurement, Plot, Skip
+from verify.suite.record import SCHEMA, as_row, record
+from verify.suite.run import run
+from verify.suite.use import SEED, Use
 
 
 def made_up(function, **changes):

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from femgal.kernels.cpu.backend import CpuBackend
-from verify.problems import body, positions, rng
-from verify.rollers import on_rollers
+from verify.problems.bodies import body, positions, rng
+from verify.problems.rollers import on_rollers
 
 DISC = body("box")
 BELOW = CpuBackend(DISC, 1)

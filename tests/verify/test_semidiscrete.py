@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from verify.moving_body import MovingBody, held_and_loaded, tumbling
-from verify.problems import left_end, mesh
+from verify.integrators.under_test import Material, State
+from verify.problems.bodies import left_end, mesh
+from verify.problems.moving_body import MovingBody, held_and_loaded, tumbling
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.semidiscrete import element_forces, exact_motion, modes
-from verify.solver_under_test import Material, State
 
 
 def test_forces():

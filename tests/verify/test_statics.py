@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from femgal.kernels.cpu.backend import CpuBackend
-from verify.problems import distorted_box, left_end, uniform, varied
+from verify.problems.bodies import distorted_box, left_end, uniform, varied
 from verify.reference.elasticity import AssembledElasticity, consistent_mass
 from verify.reference.statics import ProductionElasticity, equilibrium, rigid_body_modes, solve_by_multigrid
 

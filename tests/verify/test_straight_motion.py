@@ -14,7 +14,8 @@ import math
 import numpy as np
 import pytest
 
-from verify.problems import body
+from verify.problems.bodies import body
+from verify.problems.waves import standing_wave, straight_line_state
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.straight_motion import (
     backward_euler_factor,
@@ -23,7 +24,6 @@ from verify.reference.straight_motion import (
     straight_stiffness,
     verlet_angle,
 )
-from verify.waves import standing_wave, straight_line_state
 
 DISC = body("box")
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from femgal.hierarchy.hierarchy import build_constant_hierarchy
-from verify.problems import distorted_box, left_end, linear_layer, rng, varied
+from verify.problems.bodies import distorted_box, left_end, linear_layer, rng, varied
 from verify.reference.transfer import block_diagonal, diagonal_blocks, galerkin, mass_matrix, prolongation, unpacked
 
 MESH = distorted_box((5, 3, 3))

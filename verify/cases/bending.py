@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from femgal.discretisation import Discretisation, discretise
 from femgal.kernels.backend import Precision
 from femgal.timestep.backward_euler import BackwardEuler
-from verify.case import PRECISIONS, Curve, Kind, Measurement, Plot, case
-from verify.measure import at_most, compare
-from verify.problems import Moving
+from verify.problems.bodies import Moving
+from verify.problems.waves import SOLVERS, build_solver, motion
 from verify.reference.bending import PROBLEMS, Bending, answers, bend, quadratic, refined
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.richardson import Extrapolation, extrapolate
 from verify.reference.statics import Elasticity, ProductionElasticity
-from verify.use import Use
-from verify.waves import SOLVERS, build_solver, motion
+from verify.suite.case import PRECISIONS, Curve, Kind, Measurement, Plot, case
+from verify.suite.measure import at_most, compare
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 

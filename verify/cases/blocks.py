@@ -16,12 +16,12 @@ from femgal.discretisation import Discretisation
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Backend, Precision
 from femgal.timestep.potential import IncrementalPotential
-from verify.case import PRECISIONS, Kind, Measurement, case
-from verify.measure import compare, vanishes, worst
-from verify.problems import STATES, body, mean_edge, rng
+from verify.problems.bodies import STATES, body, mean_edge, rng
 from verify.reference.galerkin import HIERARCHIES, Assembled, assembled, layers, strains
 from verify.reference.transfer import unpacked
-from verify.use import Use
+from verify.suite.case import PRECISIONS, Kind, Measurement, case
+from verify.suite.measure import compare, vanishes, worst
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 

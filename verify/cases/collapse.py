@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from femgal.discretisation import Discretisation
 from femgal.kernels.backend import Precision
-from verify.case import PRECISIONS, Kind, Measurement, case
-from verify.measure import compare, vanishes
-from verify.problems import OWN, body, released
+from verify.problems.bodies import OWN, body, released
+from verify.problems.scales import EPSILON, at_vertices, product_terms, terms
 from verify.reference.elasticity import node_dofs, scalar_basis
-from verify.scales import EPSILON, at_vertices, product_terms, terms
-from verify.use import Use
+from verify.suite.case import PRECISIONS, Kind, Measurement, case
+from verify.suite.measure import compare, vanishes
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 

@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 
 from verify.benchmark.trajectory import trajectory_error
-from verify.case import Curve, Kind, Measurement, Plot, case
-from verify.measure import observed_orders, order
-from verify.scenes import Run, hanging, simulation, steps_alone
-from verify.use import Use
+from verify.problems.scenes import Run, hanging, simulation, steps_alone
+from verify.suite.case import Curve, Kind, Measurement, Plot, case
+from verify.suite.measure import observed_orders, order
+from verify.suite.use import Use
 
 FRAMES = 4
 SUBSTEPS = (10, 20, 40, 80)

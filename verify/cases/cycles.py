@@ -28,13 +28,13 @@ from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import MotionState
 from meshes.generators import box
 from meshes.ordering import reorder
-from verify.case import PRECISIONS, Curve, Kind, Measurement, case
-from verify.measure import compare, order, vanishes, worst
-from verify.problems import body, left_end, mean_edge, rng, uniform
+from verify.problems.bodies import body, left_end, mean_edge, rng, uniform
 from verify.reference.corrections import SEQUENCES, Corrections, corrections_at
 from verify.reference.galerkin import layers
 from verify.reference.newton import ReferenceNewton
-from verify.use import Use
+from verify.suite.case import PRECISIONS, Curve, Kind, Measurement, case
+from verify.suite.measure import compare, order, vanishes, worst
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 

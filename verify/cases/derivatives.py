@@ -14,12 +14,12 @@ from femgal.hierarchy.hierarchy import build_constant_hierarchy, build_linear_hi
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Backend, Precision
 from meshes.generators import box
-from verify.case import PRECISIONS, Kind, Measurement, Skip, case
-from verify.measure import compare, order, vanishes
-from verify.problems import OWN, body, mean_edge, positions, released, uniform
+from verify.problems.bodies import OWN, body, mean_edge, positions, released, uniform
+from verify.problems.scales import EPSILON, at_vertices, product_terms, terms
 from verify.reference.elasticity import AssembledElasticity
-from verify.scales import EPSILON, at_vertices, product_terms, terms
-from verify.use import SEED, Use
+from verify.suite.case import PRECISIONS, Kind, Measurement, Skip, case
+from verify.suite.measure import compare, order, vanishes
+from verify.suite.use import SEED, Use
 
 Floats = NDArray[np.float64]
 

@@ -12,11 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.output.checkpoint import load_checkpoint, save_checkpoint
-from verify.case import Kind, Measurement, case
-from verify.measure import at_most, compare, vanishes
-from verify.moving_body import GRAVITY, MovingBody, falling, held_and_loaded, resting, rotation, tumbling, turned
-from verify.solver_under_test import OWN_SOLVER, SolverUnderTest, State, solver_under_test
-from verify.use import Use
+from verify.integrators.under_test import OWN_SOLVER, SolverUnderTest, State, solver_under_test
+from verify.problems.moving_body import (
+    GRAVITY,
+    MovingBody,
+    falling,
+    held_and_loaded,
+    resting,
+    rotation,
+    tumbling,
+    turned,
+)
+from verify.suite.case import Kind, Measurement, case
+from verify.suite.measure import at_most, compare, vanishes
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 

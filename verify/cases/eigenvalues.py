@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from femgal.discretisation import Discretisation, discretise
 from femgal.kernels.backend import Precision
 from meshes.types import TetMesh
-from verify.case import PRECISIONS, Kind, Measurement, case
-from verify.measure import compare
-from verify.problems import mesh, rng
+from verify.problems.bodies import mesh, rng
 from verify.reference.elasticity import AssembledElasticity
-from verify.use import Use
+from verify.suite.case import PRECISIONS, Kind, Measurement, case
+from verify.suite.measure import compare
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 

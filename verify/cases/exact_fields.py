@@ -2,7 +2,7 @@
 """Fields that are exact at finite strain: forces of straight motions, bars under their own weight, frequencies.
 
 All of them move along one direction, and such motion is linear at any amplitude (`verify.reference.straight_motion`).
-Rollers hold the other two directions (`verify.rollers`); passes, solvers and time stepping are production's.
+Rollers hold the other two directions (`verify.problems.rollers`); passes, solvers and time stepping are production's.
 """
 
 from __future__ import annotations
@@ -18,14 +18,23 @@ from femgal.discretisation import Discretisation
 from femgal.kernels.backend import Precision
 from femgal.timestep.backward_euler import BackwardEuler
 from meshes.generators import box
-from verify.case import PRECISIONS, Kind, Measurement, case
-from verify.measure import compare, order
-from verify.problems import Moving, body, force_scale, rng, uniform
+from verify.problems.bodies import Moving, body, force_scale, rng, uniform
+from verify.problems.rollers import on_rollers
+from verify.problems.waves import (
+    AMPLITUDE,
+    SOLVERS,
+    STOP,
+    WAVES,
+    build_solver,
+    motion,
+    standing_wave,
+    straight_line_state,
+)
 from verify.reference.statics import ProductionElasticity, equilibrium
 from verify.reference.straight_motion import straight_stiffness
-from verify.rollers import on_rollers
-from verify.use import SEED, Use
-from verify.waves import AMPLITUDE, SOLVERS, STOP, WAVES, build_solver, motion, standing_wave, straight_line_state
+from verify.suite.case import PRECISIONS, Kind, Measurement, case
+from verify.suite.measure import compare, order
+from verify.suite.use import SEED, Use
 
 Floats = NDArray[np.float64]
 

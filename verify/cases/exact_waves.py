@@ -17,13 +17,9 @@ from numpy.typing import NDArray
 from femgal.kernels.backend import Backend, Precision
 from femgal.timestep.backward_euler import BackwardEuler
 from femgal.timestep.state import MotionState, TimeStepper
-from verify.case import PRECISIONS, Kind, Measurement, case
-from verify.measure import compare, order
-from verify.problems import body
-from verify.reference.straight_motion import backward_euler_factor, modes, verlet_angle
-from verify.rollers import on_rollers
-from verify.use import Use
-from verify.waves import (
+from verify.problems.bodies import body
+from verify.problems.rollers import on_rollers
+from verify.problems.waves import (
     AMPLITUDE,
     SOLVERS,
     STOP,
@@ -35,6 +31,10 @@ from verify.waves import (
     straight_line_state,
     verlet,
 )
+from verify.reference.straight_motion import backward_euler_factor, modes, verlet_angle
+from verify.suite.case import PRECISIONS, Kind, Measurement, case
+from verify.suite.measure import compare, order
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 

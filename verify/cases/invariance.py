@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 from femgal.discretisation import Discretisation, discretise
 from femgal.kernels.backend import Precision
 from meshes.types import TetMesh
-from verify.case import PRECISIONS, Kind, Measurement, case
-from verify.measure import compare, vanishes
-from verify.problems import OWN, body, positions, released
-from verify.scales import EPSILON, at_vertices, product_terms, terms
-from verify.use import Use
+from verify.problems.bodies import OWN, body, positions, released
+from verify.problems.scales import EPSILON, at_vertices, product_terms, terms
+from verify.suite.case import PRECISIONS, Kind, Measurement, case
+from verify.suite.measure import compare, vanishes
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 

@@ -12,13 +12,13 @@ from femgal.discretisation import Discretisation, discretise
 from femgal.kernels.backend import Backend, Precision
 from meshes.generators import box
 from meshes.surface import boundary
-from verify.case import PRECISIONS, Kind, Measurement, case
-from verify.measure import compare
-from verify.problems import body
+from verify.problems.bodies import body
+from verify.problems.scales import EPSILON, at_vertices, terms
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.uniform_states import UNIFORM_STATES, UniformState, uniaxial, uniform_state
-from verify.scales import EPSILON, at_vertices, terms
-from verify.use import SEED, Use
+from verify.suite.case import PRECISIONS, Kind, Measurement, case
+from verify.suite.measure import compare
+from verify.suite.use import SEED, Use
 
 Floats = NDArray[np.float64]
 

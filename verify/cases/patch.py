@@ -16,13 +16,13 @@ from femgal.solvers.solver import Budget, Outcome, Solver
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import MotionState
 from meshes.surface import boundary
-from verify import problems
-from verify.case import PRECISIONS, Kind, Measurement, Skip, case
-from verify.measure import compare, vanishes
-from verify.problems import mean_edge, rng, uniform
+from verify.problems import bodies
+from verify.problems.bodies import mean_edge, rng, uniform
+from verify.problems.scales import at_vertices, terms
 from verify.reference.statics import ProductionElasticity, equilibrium
-from verify.scales import at_vertices, terms
-from verify.use import Use
+from verify.suite.case import PRECISIONS, Kind, Measurement, Skip, case
+from verify.suite.measure import compare, vanishes
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 
@@ -125,7 +125,7 @@ def patch(mesh: str) -> Discretisation:
     Skip
         All vertices are on the surface.
     """
-    one = problems.mesh(mesh)
+    one = bodies.mesh(mesh)
     surface = np.unique(boundary(one.cells))
     if len(surface) == len(one.points):
         raise Skip("all vertices of the mesh are on its surface")

@@ -15,14 +15,14 @@ from femgal.solvers.line_search import first_minimum
 from femgal.solvers.smoother import Relaxation, StepRule, step_lengths
 from femgal.solvers.spectrum import largest_block_jacobi_eigenvalue
 from femgal.timestep.potential import IncrementalPotential
-from verify.case import PRECISIONS, Kind, Measurement, case
 from verify.cases.cycles import make, sequence, started
-from verify.measure import at_most, compare, worst
-from verify.problems import STATES, body, mean_edge, rng
+from verify.problems.bodies import STATES, body, mean_edge, rng
 from verify.reference.corrections import corrections_at
 from verify.reference.galerkin import HIERARCHIES, assembled, balanced, layers
 from verify.reference.transfer import block_diagonal, diagonal_blocks, galerkin, mass_matrix, prolongation
-from verify.use import Use
+from verify.suite.case import PRECISIONS, Kind, Measurement, case
+from verify.suite.measure import at_most, compare, worst
+from verify.suite.use import Use
 
 # Of inertia over elasticity: a long step, one where both weigh the same, a short one.
 _WEIGHTS = {"long step": 1e-3, "even step": 1.0, "short step": 1e3}

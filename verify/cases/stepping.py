@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from meshes.generators import box
 from meshes.ordering import reorder
-from verify import problems
-from verify.case import Kind, Measurement, case
-from verify.measure import compare, order
-from verify.moving_body import GRAVITY, MovingBody, twisted, uneven
+from verify.integrators.under_test import OWN_SOLVER, Material, Method, State, solver_under_test
+from verify.problems import bodies
+from verify.problems.moving_body import GRAVITY, MovingBody, twisted, uneven
 from verify.reference.semidiscrete import exact_motion, modes
 from verify.reference.stepping import newton_backward_euler
-from verify.solver_under_test import OWN_SOLVER, Material, Method, State, solver_under_test
-from verify.use import SEED, Use
+from verify.suite.case import Kind, Measurement, case
+from verify.suite.measure import compare, order
+from verify.suite.use import SEED, Use
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def one_step(use: Use, *, solver: str, mesh: str, step: str) -> Measurement:
     """From a twisted, trembling state."""
     sut, body = solver_under_test(solver, use), launched(mesh)
     sut.promises("backward-euler")
-    h = _EDGES[step] * problems.mean_edge(body.mesh) / _SPEED
+    h = _EDGES[step] * bodies.mean_edge(body.mesh) / _SPEED
     expected = newton_step(mesh, h)
     start = body.start
     moved = expected.x - (start.x + h * start.v + h * h * start.gravity)
@@ -172,9 +172,9 @@ def energy_of_verlet(use: Use, *, solver: str) -> Measurement:
 @cache
 def launched(mesh: str) -> MovingBody:
     """Held at the low end of x, twisted by half a radian, trembling, under gravity."""
-    tets = problems.mesh(mesh)
-    constrained = problems.left_end(tets, 0.1 * float(np.ptp(tets.points[:, 0])))
-    v = 0.3 * problems.rng(55).standard_normal(tets.points.shape)
+    tets = bodies.mesh(mesh)
+    constrained = bodies.left_end(tets, 0.1 * float(np.ptp(tets.points[:, 0])))
+    v = 0.3 * bodies.rng(55).standard_normal(tets.points.shape)
     v[constrained] = 0.0
     return MovingBody(tets, uneven(tets), State(twisted(tets.points, 0.5), v, constrained, GRAVITY))
 
@@ -190,7 +190,7 @@ def newton_step(mesh: str, h: float) -> State:
 def bar() -> MovingBody:
     """A little bar of 45 vertices at rest, held at one end."""
     mesh = reorder(box((0.4, 0.2, 0.2), (4, 2, 2), jitter=0.1, seed=SEED))[0]
-    start = State(mesh.points.copy(), np.zeros_like(mesh.points), problems.left_end(mesh))
+    start = State(mesh.points.copy(), np.zeros_like(mesh.points), bodies.left_end(mesh))
     return MovingBody(mesh, Material.of(mesh, 1e5, 0.3, 1000.0), start)
 
 

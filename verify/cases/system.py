@@ -16,12 +16,12 @@ from femgal.runner import run as run_scene
 from femgal.scene.model import Scene
 from femgal.simulation import Simulation
 from verify.benchmark.trajectory import trajectory_error
-from verify.case import PRECISIONS, Kind, Measurement, case
-from verify.measure import compare, vanishes
-from verify.moving_body import MovingBody
+from verify.problems.moving_body import MovingBody
+from verify.problems.scenes import as_problem, displacements_of, frames_of, hanging, simulation
 from verify.reference.stepping import newton_backward_euler
-from verify.scenes import as_problem, displacements_of, frames_of, hanging, simulation
-from verify.use import Use
+from verify.suite.case import PRECISIONS, Kind, Measurement, case
+from verify.suite.measure import compare, vanishes
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 

@@ -17,11 +17,11 @@ from femgal.hierarchy.hierarchy import build_constant_hierarchy, build_linear_hi
 from femgal.hierarchy.lattice import LatticeNodes, lattice_nodes
 from femgal.hierarchy.layer import Layer, build_layer
 from meshes.connectivity import cell_edges
-from verify.case import Kind, Measurement, Skip, case
-from verify.measure import compare, vanishes
-from verify.problems import OWN, body, mean_edge
+from verify.problems.bodies import OWN, body, mean_edge
 from verify.reference.transfer import prolongation
-from verify.use import Use
+from verify.suite.case import Kind, Measurement, Skip, case
+from verify.suite.measure import compare, vanishes
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from meshes.errors import InputError
 from meshes.types import TetMesh
-from verify.problems import mean_edge
+from verify.problems.bodies import mean_edge
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

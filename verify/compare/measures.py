@@ -6,12 +6,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from verify.case import Measurement, Skip
 from verify.compare.comparison import Comparison
 from verify.compare.hints import energy_scale, hints
 from verify.compare.plots import plots
-from verify.measure import compare
-from verify.problems import mean_edge
+from verify.problems.bodies import mean_edge
+from verify.suite.case import Measurement, Skip
+from verify.suite.measure import compare
 
 Floats = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from verify.case import Curve, Plot
 from verify.compare.comparison import Comparison
+from verify.suite.case import Curve, Plot
 
 Floats = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from verify.case import Case, Kind, Measurement, Row, Skip
 from verify.compare import measures
 from verify.compare.comparison import Comparison
-from verify.use import Use
+from verify.suite.case import Case, Kind, Measurement, Row, Skip
+from verify.suite.use import Use
 
 Measure = Callable[[Comparison], Measurement]
 

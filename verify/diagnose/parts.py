@@ -11,7 +11,7 @@ from meshes.surface import boundary, manifold_report
 from verify.diagnose.finding import Finding, Severity, count, percent
 from verify.diagnose.target import Target
 from verify.diagnose.thickness import face_neighbours
-from verify.problems import mean_edge
+from verify.problems.bodies import mean_edge
 
 Integers = NDArray[np.int64]
 

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from verify.case import Row
 from verify.diagnose.target import Target
-from verify.problems import OWN, use_own_body
-from verify.suite import choose
+from verify.problems.bodies import OWN, use_own_body
+from verify.suite.case import Row
+from verify.suite.run import choose
 
 
 def own_rows(target: Target, pattern: str | None = None, *, quick: bool = True) -> list[Row]:
-    """Rows of the cases that are true on any mesh, to be run on the target's; arguments as of `verify.suite.choose`.
+    """Rows of the cases that are true on any mesh, to be run on the target's; as `verify.suite.run.choose`.
 
     Raises
     ------

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from femgal.discretisation import Discretisation
 from meshes.surface import boundary_with_owners
-from verify.problems import rng
+from verify.problems.bodies import rng
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

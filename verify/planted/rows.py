@@ -7,8 +7,8 @@ import json
 import sys
 
 import femgal
-from verify.suite import choose, run
-from verify.use import Use
+from verify.suite.run import choose, run
+from verify.suite.use import Use
 
 if __name__ == "__main__":
     verdicts = {str(result.row): result.status.value for result in run(choose(sys.argv[1], quick=True), Use())}

@@ -22,10 +22,10 @@ from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import build_constant_hierarchy, build_linear_hierarchy
 from femgal.hierarchy.layer import Layer
 from meshes.types import TetMesh
-from verify.case import Skip
-from verify.problems import mean_edge, positions, rng
+from verify.problems.bodies import mean_edge, positions, rng
 from verify.reference.elasticity import AssembledElasticity, cofactor, cofactor_derivative
 from verify.reference.transfer import diagonal_blocks, galerkin, mass_matrix, prolongation
+from verify.suite.case import Skip
 
 Floats = NDArray[np.float64]
 

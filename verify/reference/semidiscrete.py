@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshes.types import TetMesh
+from verify.integrators.under_test import Material, State
 from verify.reference.elasticity import AssembledElasticity, cofactor, lumped_mass
-from verify.solver_under_test import Material, State
 
 Floats = NDArray[np.float64]
 

@@ -23,8 +23,8 @@ from femgal.kernels.plain.backend import PlainBackend
 from femgal.solvers.solver import Outcome, minimise
 from femgal.timestep.potential import IncrementalPotential
 from meshes.types import TetMesh
+from verify.integrators.under_test import Material, SolverError, SolverUnderTest, State, discretised
 from verify.reference.newton import ReferenceNewton
-from verify.solver_under_test import Material, SolverError, SolverUnderTest, State, discretised
 
 Floats = NDArray[np.float64]
 

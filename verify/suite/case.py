@@ -118,7 +118,7 @@ class Case:
         do, the other axes with all their values.
     requires : What must be there beside femgal, for the reader: "scikit-fem", "a published mesh".
     own_mesh : Whether the case also makes sense on a user's own mesh and material.
-    own_solver : Whether its axis "solver" takes any solver that is plugged in (`verify.solver_under_test`).
+    own_solver : Whether its axis "solver" takes any solver that is plugged in (`verify.integrators.under_test`).
     """
 
     id: str

@@ -11,9 +11,9 @@ from datetime import UTC, datetime
 from typing import Any
 
 from verify.benchmark.machine import describe_machine
-from verify.case import Kind, Plot
-from verify.suite import Result, Status
-from verify.use import DEVICES, Use, unavailable
+from verify.suite.case import Kind, Plot
+from verify.suite.run import Result, Status
+from verify.suite.use import DEVICES, Use, unavailable
 
 SCHEMA = "femgal-verify-1"
 

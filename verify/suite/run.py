@@ -15,8 +15,8 @@ from typing import Any
 
 import verify.cases
 from meshes.errors import InputError
-from verify.case import Case, Measurement, Row, Skip, registered
-from verify.use import Use
+from verify.suite.case import Case, Measurement, Row, Skip, registered
+from verify.suite.use import Use
 
 
 class Status(enum.Enum):

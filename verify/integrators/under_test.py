@@ -37,8 +37,8 @@ from numpy.typing import ArrayLike, NDArray
 from femgal.discretisation import Discretisation, discretise
 from femgal.materials.stable_neo_hookean import parameters
 from meshes.types import TetMesh
-from verify.case import Skip
-from verify.use import Use
+from verify.suite.case import Skip
+from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
 Method = Literal["backward-euler", "bdf2", "verlet"]
@@ -180,8 +180,8 @@ def solver_under_test(name: str, use: Use) -> SolverUnderTest:
     Skip
         No solver was plugged in, or the device cannot be used.
     """
+    from verify.integrators.of_femgal import PRODUCTION, production
     from verify.reference import stepping
-    from verify.solvers_of_femgal import PRODUCTION, production
 
     if name == OWN_SOLVER:
         return own_solver()

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from verify.case import Curve, Measurement, Plot
+from verify.suite.case import Curve, Measurement, Plot
 
 
 def compare(

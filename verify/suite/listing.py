@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from verify.case import Case, Row
+from verify.suite.case import Case, Row
 
 
 def listing(rows: Sequence[Row]) -> list[str]:

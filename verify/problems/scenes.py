@@ -14,9 +14,9 @@ from femgal.simulation import Frame, Simulation
 from femgal.timestep.potential import eps18
 from meshes.errors import InputError
 from meshes.types import TetMesh
-from verify.case import Skip
-from verify.solver_under_test import Material, State
-from verify.use import Use, unavailable
+from verify.integrators.under_test import Material, State
+from verify.suite.case import Skip
+from verify.suite.use import Use, unavailable
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ From Python:
     for result in check_solver(my_step, method="backward-euler"):
         print(result.row, result.status.value, result.note)
 
-What the function is given and what it has to promise stands in `verify.solver_under_test`.
+What the function is given and what it has to promise stands in `verify.integrators.under_test`.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from types import ModuleType
 from typing import Any, cast
 
 from meshes.errors import InputError
-from verify.case import Row
-from verify.solver_under_test import METHODS, ORDERS, OWN_SOLVER, Method, SolverUnderTest, Step, use_own_solver
-from verify.suite import Result, choose, run
-from verify.use import Use
+from verify.integrators.under_test import METHODS, ORDERS, OWN_SOLVER, Method, SolverUnderTest, Step, use_own_solver
+from verify.suite.case import Row
+from verify.suite.run import Result, choose, run
+from verify.suite.use import Use
 
 _WHERE = "--solver"
 _TOPICS = "stepping, dynamics"
@@ -47,7 +47,7 @@ def check_solver(
     ----------
     step : (mesh, material, state, h) -> state.
     method, order : What it promises; when left out, its attributes of these names, where it has them.
-    pattern, quick : Which rows, as in `verify.suite.choose`.
+    pattern, quick : Which rows, as in `verify.suite.run.choose`.
     use : Device, threads and seed of the run.
 
     Raises

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshes.types import TetMesh
-from verify import problems
+from verify.integrators.under_test import Material, SolverUnderTest, State
+from verify.problems import bodies
 from verify.reference.elasticity import AssembledElasticity, lumped_mass
-from verify.solver_under_test import Material, SolverUnderTest, State
 
 Floats = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def _states(solver: SolverUnderTest, body: MovingBody, h: float, steps: int) -> 
 
 def uneven(mesh: TetMesh) -> Material:
     """Another material in every tetrahedron: E and rho over a factor of ten and of four, nu from 0 to 0.45."""
-    m, random = len(mesh.cells), problems.rng(51)
+    m, random = len(mesh.cells), bodies.rng(51)
     E, nu = 10.0 ** random.uniform(4.5, 5.5, m), random.uniform(0.0, 0.45, m)
     return Material.of(mesh, E, nu, random.uniform(500.0, 2000.0, m))
 
@@ -99,7 +99,7 @@ def uneven(mesh: TetMesh) -> Material:
 @cache
 def falling() -> MovingBody:
     """At rest in its own frame, thrown, under gravity."""
-    mesh = problems.mesh("box")
+    mesh = bodies.mesh("box")
     v = np.broadcast_to([0.7, -0.4, 1.1], mesh.points.shape).copy()
     return MovingBody(mesh, uneven(mesh), State(mesh.points.copy(), v, gravity=GRAVITY))
 
@@ -107,17 +107,17 @@ def falling() -> MovingBody:
 @cache
 def resting(held: bool) -> MovingBody:
     """At rest without gravity, free or held at one end."""
-    mesh = problems.mesh("box")
-    constrained = problems.left_end(mesh) if held else np.empty(0, np.int64)
+    mesh = bodies.mesh("box")
+    constrained = bodies.left_end(mesh) if held else np.empty(0, np.int64)
     return MovingBody(mesh, uneven(mesh), State(mesh.points.copy(), np.zeros_like(mesh.points), constrained))
 
 
 @cache
 def tumbling() -> MovingBody:
     """Twisted by half a radian, spinning, flying and trembling; no force from outside."""
-    mesh = problems.mesh("box")
+    mesh = bodies.mesh("box")
     x = twisted(mesh.points, 0.5)
-    noise = 0.3 * problems.rng(52).standard_normal(x.shape)
+    noise = 0.3 * bodies.rng(52).standard_normal(x.shape)
     spin = np.cross([3.0, -5.0, 8.0], x - x.mean(axis=0))
     return MovingBody(mesh, uneven(mesh), State(x, np.array([0.7, -0.4, 1.1]) + spin + noise))
 
@@ -125,9 +125,9 @@ def tumbling() -> MovingBody:
 @cache
 def held_and_loaded() -> MovingBody:
     """Held at one end, twisted, trembling, under gravity."""
-    mesh = problems.mesh("box")
-    constrained = problems.left_end(mesh)
-    v = 0.3 * problems.rng(53).standard_normal(mesh.points.shape)
+    mesh = bodies.mesh("box")
+    constrained = bodies.left_end(mesh)
+    v = 0.3 * bodies.rng(53).standard_normal(mesh.points.shape)
     v[constrained] = 0.0
     return MovingBody(mesh, uneven(mesh), State(twisted(mesh.points, 0.5), v, constrained, GRAVITY))
 
@@ -149,5 +149,5 @@ def turned(body: MovingBody, Q: Floats, d: Floats) -> MovingBody:
 
 def rotation() -> Floats:
     """A rotation about no axis in particular, shape [3, 3]."""
-    Q, _ = np.linalg.qr(problems.rng(54).standard_normal((3, 3)))
+    Q, _ = np.linalg.qr(bodies.rng(54).standard_normal((3, 3)))
     return Q * np.linalg.det(Q)

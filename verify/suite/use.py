@@ -10,7 +10,7 @@ import numpy as np
 from femgal.discretisation import Discretisation
 from femgal.kernels.backend import Backend, Precision
 from femgal.kernels.cpu.backend import CpuBackend
-from verify.case import Skip
+from verify.suite.case import Skip
 
 DEVICES = ("cpu", "cuda")
 SEED = 20_260_117

@@ -20,9 +20,18 @@ from femgal.timestep.backward_euler import BackwardEuler
 from femgal.timestep.state import Motion, MotionState, TimeStepper
 from femgal.timestep.velocity_verlet import VelocityVerlet
 from meshes.types import TetMesh
-from verify.problems import Moving
-from verify.solver_under_test import ORDERS, Floats, Material, Method, SolverError, SolverUnderTest, State, discretised
-from verify.use import Use
+from verify.integrators.under_test import (
+    ORDERS,
+    Floats,
+    Material,
+    Method,
+    SolverError,
+    SolverUnderTest,
+    State,
+    discretised,
+)
+from verify.problems.bodies import Moving
+from verify.suite.use import Use
 
 # eps18 of a solved step over the size of the body. The distance from the minimiser is no larger, in the norm that
 # weights vertices by their mass, wherever the elastic energy is convex.

@@ -20,7 +20,7 @@ from femgal.solvers.solver import Budget, Solver
 from femgal.timestep.state import MotionState, TimeStepper
 from femgal.timestep.velocity_verlet import VelocityVerlet
 from meshes.generators import box
-from verify.problems import rng, uniform
+from verify.problems.bodies import rng, uniform
 from verify.reference.straight_motion import lattice_frequency
 
 Floats = NDArray[np.float64]

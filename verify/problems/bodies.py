@@ -22,8 +22,8 @@ from meshes.generators import box
 from meshes.make import make_tets
 from meshes.ordering import reorder
 from meshes.types import TetMesh
-from verify.case import Skip
-from verify.use import SEED
+from verify.suite.case import Skip
+from verify.suite.use import SEED
 
 Floats = NDArray[np.float64]
 
