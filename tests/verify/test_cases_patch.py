@@ -15,6 +15,7 @@ import pytest
 
 from meshes.generators import box
 from verify.cases import patch
+from verify.problems import bodies
 from verify.suite.run import Status, choose, run_row
 from verify.suite.use import Use
 
