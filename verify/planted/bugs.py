@@ -303,6 +303,6 @@ BUGS = (
         "femgal/runner.py",
         "for name, array in self.state.memory.items()}",
         "for name, array in ()}",
-        "dynamics/restart",
+        "system/resume",
     ),
 )

@@ -23,6 +23,7 @@ from __future__ import annotations
 import enum
 import itertools
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -137,6 +138,25 @@ class Case:
     own_mesh: bool = False
     own_solver: bool = False
 
+    def __post_init__(self) -> None:
+        if complaint := self._complaint():
+            raise ValueError(f"case {self.id!r}: {complaint}")
+
+    def _complaint(self) -> str:
+        values = [str(value) for axis in self.over.values() for value in axis]
+        limits = self.tolerance.values() if isinstance(self.tolerance, Mapping) else (self.tolerance,)
+        if not re.fullmatch(r"[a-z0-9-]+/[a-z0-9-]+", self.id):
+            return "an id is topic/name, lower case with hyphens"
+        if bad := [value for value in values if not value or set(value) & set(" ,[]*?")]:
+            return f"values of axes are words without blanks, commas, brackets or stars, not {bad}"
+        if isinstance(self.tolerance, Mapping) and set(self.over.get("precision", ())) != set(self.tolerance):
+            return "a tolerance by precision needs a precision axis with the same values"
+        if any(limit is not None and not 0.0 <= limit < math.inf for limit in limits):
+            return f"tolerance {self.tolerance} is not a number from 0 upwards"
+        if isinstance(self.quick, Mapping) and not set(self.quick) <= set(self.over):
+            return f"quick names axes {sorted(set(self.quick) - set(self.over))} that are not in over"
+        return ""
+
     def rows(self, axes: Mapping[str, Sequence[Any]] | None = None) -> list[Row]:
         """Every combination of the axes' values, those in `axes` in place of the case's own."""
         values = {name: (axes or {}).get(name, own) for name, own in self.over.items()}
@@ -173,8 +193,8 @@ class Row:
         return all(self.values[name] in values for name, values in quick.items())
 
     def passes(self, error: float) -> bool:
-        """Whether an error is small enough; no error that is not a number ever is."""
-        return self.tolerance is None or (math.isfinite(error) and error <= self.tolerance)
+        """Whether an error is small enough; one that is no number, or negative, never is."""
+        return self.tolerance is None or (math.isfinite(error) and 0.0 <= error <= self.tolerance)
 
 
 _CASES: dict[str, Case] = {}
@@ -184,12 +204,17 @@ def case(id: str, **what: Any) -> Callable[[Callable[..., Measurement]], Callabl
     """Make a case of a function and add it to the suite; the keywords are those of `Case`."""
 
     def register(function: Callable[..., Measurement]) -> Callable[..., Measurement]:
-        if id in _CASES and _CASES[id].function.__module__ != function.__module__:
+        # The same function again is a module that is loaded anew.
+        if id in _CASES and _place_of(_CASES[id].function) != _place_of(function):
             raise ValueError(f"two cases are called {id}")
         _CASES[id] = Case(id, function=function, **what)
         return function
 
     return register
+
+
+def _place_of(function: Callable[..., Any]) -> tuple[str, str]:
+    return function.__module__, function.__qualname__
 
 
 def registered() -> tuple[Case, ...]:

@@ -32,8 +32,8 @@ def compare(
     difference = np.abs(a - b)
     worst = np.unravel_index(int(np.argmax(np.where(np.isfinite(difference), difference, np.inf))), a.shape)
     size = float(np.abs(b).max()) if scale is None else scale
-    if size == 0.0:
-        raise ValueError("the reference is zero everywhere: give a scale")
+    if not 0.0 < size < np.inf:
+        raise ValueError(f"nothing can be relative to {size:g}; where the reference is zero everywhere, give a scale")
     return Measurement(float(a[worst]), float(b[worst]), float(difference[worst]) / size, note, plots)
 
 
@@ -44,6 +44,8 @@ def vanishes(values: ArrayLike, scale: float, note: str = "", plots: tuple[Plot,
 
 def at_most(value: float, bound: float, note: str = "", plots: tuple[Plot, ...] = ()) -> Measurement:
     """By what share of the bound's size a value exceeds it; 0 when it does not."""
+    if not np.isfinite(bound):
+        raise ValueError(f"{bound} is not a bound")
     excess = value - bound
     error = max(0.0, excess) / max(abs(bound), np.finfo(float).tiny) if np.isfinite(value) else float("inf")
     return Measurement(value, bound, error, note, plots)

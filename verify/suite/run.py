@@ -98,8 +98,8 @@ def choose(
     if not chosen:
         raise InputError(
             "no case fits",
-            where="-k",
-            found=repr(pattern),
+            where="-k" if pattern else "axes",
+            found=repr(pattern) if pattern else sorted(axes or {}),
             allowed="part of an id or title; topics: " + ", ".join(sorted({one.id.split("/")[0] for one in cases()})),
             advice="`femgal verify --list` prints them all; --full adds what --quick leaves out",
         )
@@ -121,9 +121,11 @@ def run_row(row: Row, use: Use) -> Result:
 
     try:
         measured = row.case.function(use, **row.values)
+        if not isinstance(measured, Measurement):
+            raise TypeError(f"a case returns a Measurement, not {type(measured).__name__}")
     except Skip as reason:
         return result(Status.SKIP, None, str(reason))
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # a user's solver that exits is a failure, not the end of the suite
         where = traceback.extract_tb(error.__traceback__)[-1]
         return result(Status.FAIL, None, f"{type(error).__name__}: {error} ({where.name}, line {where.lineno})")
     if row.tolerance is None:
@@ -147,7 +149,8 @@ def _fits(row: Row, pattern: str | None) -> bool:
     if not pattern:
         return True
     name, title = str(row).lower(), row.case.title.lower()
+    # The brackets of an id are no character class.
     return any(
-        fnmatch.fnmatchcase(name, word) if set(word) & set("*?") else word in name or word in title
+        fnmatch.fnmatchcase(name, word.replace("[", "[[]")) if set(word) & set("*?") else word in name or word in title
         for word in pattern.lower().split()
     )
