@@ -71,7 +71,7 @@ def command(
     femgal verify --mesh body.msh         what is wrong with a mesh; --scene or --set give its material
     femgal verify --compare out/ --scene drape.toml    somebody's result (.vtkhdf, .pvd, .csv) against the reference
     femgal verify --solver my_solver.py:step           a solver of your own; verify/integrators/under_test.py says how
-    Exit codes: 0 all pass, 1 failures, 2 could not run, 130 interrupted.
+    Exit codes: 0 all pass, 1 failures (of --mesh also a problem found), 2 could not run, 130 interrupted.
     """  # noqa: D301 - click reads the backspace
     # The dense problems of the references are small: more threads would only spin. Read when NumPy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

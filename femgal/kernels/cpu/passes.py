@@ -5,11 +5,11 @@ A loop that both gathers and stores never becomes vector code, because nothing t
 apart. So a tile's twelve coordinates are gathered into rows of lanes, the arithmetic runs from rows to rows, and the
 results are transposed and added to the nodes of the block. Positions enter as displacements d = x - X relative to
 that of one vertex of the block, subtracted in float64: in float32 a body that has moved far loses nothing. For one
-that has turned far, displacements would still be of the size of the block, some ten edges, and their rounding noise
-in the stress of 4e-6 of Young's modulus. So in float32 the affine map A (X - X_0) through four vertices of the
-block, its anchors, is taken off as well, also in float64, and G gets A back: what is left to round are the
-differences between the elements of a block, and the noise is that of F itself (tests/femgal/test_cpu_backend.py,
-item 5).
+that has turned far, displacements would still be of the size of the block, some ten edges, and their rounding would be
+noise in the stress. So in float32 the affine map A (X - X_0) through four vertices of the block, its anchors, is taken
+off as well, also in float64, and G gets A back: what is left to round are the differences between the elements of a
+block, and the noise is that of F itself (tests/femgal/test_cpu_backend.py, item 5). Where a block holds two bodies, the
+distance by which they have moved apart is left to round too.
 
 Every kernel runs over blocks start to stop - 1 and writes their slots only, VECTOR or TERMS values each.
 """
