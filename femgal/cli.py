@@ -23,7 +23,7 @@ class _LazyGroup(click.Group):
         "mesh": "Make, inspect and convert meshes.",
         "view": "Draw a picture of a run.",
         "verify": "Check the solvers against references, row by row.",
-        "bench": "Measure how fast the passes are on this machine.",
+        "bench": "Measure how fast the passes are, and error against time.",
     }
 
     def list_commands(self, ctx: click.Context) -> list[str]:
