@@ -181,6 +181,8 @@ def carry_out(
 
     with SuiteProgress(len(rows), on_stderr=outputs.json_alone) as progress, contextlib.suppress(KeyboardInterrupt):
         run_all(rows, use, progress.start, finish)
+    if unasked := sum("set step." in one.note for one in results if one.status.value == "SKIP"):
+        left_out = {f"{unasked} of these rows": "they need step.method or step.order, which is not set"} | left_out
     if missing := len(rows) - len(results):
         left_out = {_rows(missing): "interrupted"} | left_out
     content = record(results, use, typed, wall_seconds=time.perf_counter() - began, not_run=left_out) | dict(more or {})

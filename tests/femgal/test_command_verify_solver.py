@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`femgal verify --solver`.
 
-1. A file's function goes through the cases about solvers, and the exit code says whether it passed.
+1. A file's function goes through the cases about solvers, and the exit code says whether it passed; the end says
+   how many rows ask for a promise that it does not give.
 2. What cannot be loaded, and options that do not go together, are exit code 2 before anything runs.
 """
 
@@ -37,9 +38,10 @@ def file(tmp_path):
 
 
 def test_a_solver_of_ones_own(file):
-    good = run("--solver", f"{file}:ballistic", "-k", "centre-of-mass constrained")
+    good = run("--solver", f"{file}:ballistic", "-k", "constrained stepping/order")
     assert good.exit_code == 0, good.output
-    assert "dynamics/centre-of-mass[own]" in good.output
+    assert "dynamics/constrained[own]" in good.output
+    assert "not run: 1 of these rows (they need step.method or step.order" in good.output
     assert "2 of 2" in good.output or "2/2" in good.output
     bad = run("--solver", f"{file}:frozen", "-k", "centre-of-mass constrained")
     assert bad.exit_code == 1

@@ -27,7 +27,7 @@ def test_quick_rows():
     results = list(run(choose("stepping/*", quick=True), USE))
     assert [f"{r.row}: {r.note}" for r in results if r.status is not Status.PASS] == []
     rows = {str(result.row) for result in results}
-    for case in ("frequency", "vibration", "order"):
+    for case in ("frequency", "vibration", "strained", "order"):
         assert {f"stepping/{case}[{solver}]" for solver in ("verlet", "fas")} <= rows
     assert {f"stepping/one-step[{solver},box,long]" for solver in ("fas", "fas-linear", "jacobi")} <= rows
 
@@ -53,6 +53,11 @@ def softer(step, mesh, material, state, h):
     return step(mesh, replace(material, E=0.99 * material.E), state, h)
 
 
+def slower(step, mesh, material, state, h):
+    """Backward Euler's frequency in place of Verlet's: 1.5 in a thousand too low."""
+    return step(mesh, replace(material, rho=1.003 * material.rho), state, h)
+
+
 def unchanged(step, *arguments):
     return step(*arguments)
 
@@ -63,6 +68,7 @@ def unchanged(step, *arguments):
         (("one-step", {"mesh": "box", "step": "long"}), "jacobi", loose, {}),
         (("vibration", {}), "verlet", softer, {}),
         (("frequency", {}), "verlet", softer, {}),
+        (("frequency", {}), "verlet", slower, {}),
         (("order", {}), "verlet", softer, {}),
         (("order", {}), "jacobi", unchanged, {"method": None, "order": 2}),
     ],

@@ -7,6 +7,8 @@
    it was given are its own to overwrite.
 3. A function is found by module and name or by file and name; what cannot be found, imported or called is an
    InputError that says what would do.
+4. One that promises nothing fails all the same where its energy is another one, the moduli of small strains being the
+   same, and where it leaves bodies as they are.
 """
 
 from __future__ import annotations
@@ -62,6 +64,56 @@ def symplectic_euler(mesh, material, state, h):
     v = state.v + h * (accelerations(mesh, material, state.x) + state.gravity)
     v[state.constrained] = 0.0
     return replace(state, x=state.x + h * v, v=v)
+
+
+def st_venant_kirchhoff(mesh, material, state, h):
+    """Velocity Verlet with P = F (2 mu E + lam_Lame tr E I): the same material at small strains, another at large."""
+
+    def accelerations_there(x):
+        X, T = mesh.points, mesh.cells
+        Dm = np.swapaxes(X[T[:, 1:]] - X[T[:, :1]], 1, 2)
+        V, B = np.linalg.det(Dm) / 6.0, np.linalg.inv(Dm)
+        F = np.swapaxes(x[T[:, 1:]] - x[T[:, :1]], 1, 2) @ B
+        E = 0.5 * (np.swapaxes(F, 1, 2) @ F - np.eye(3))
+        mu, lam = (a[:, None, None] for a in (material.mu, material.lam - material.mu))
+        P = F @ (2.0 * mu * E + lam * np.trace(E, axis1=1, axis2=2)[:, None, None] * np.eye(3))
+        outer = np.swapaxes(V[:, None, None] * P @ np.swapaxes(B, 1, 2), 1, 2)
+        f, mass = np.zeros_like(x), np.zeros(len(x))
+        np.add.at(f, T, np.concatenate([outer.sum(axis=1, keepdims=True), -outer], axis=1))
+        np.add.at(mass, T.ravel(), np.repeat(material.rho * V / 4.0, 4))
+        a = f / mass[:, None] + state.gravity
+        a[state.constrained] = 0.0
+        return a
+
+    v = state.v + 0.5 * h * accelerations_there(state.x)
+    x = state.x + h * v
+    return replace(state, x=x, v=v + 0.5 * h * accelerations_there(x))
+
+
+def idle(mesh, material, state, h):
+    return state
+
+
+def coasting(mesh, material, state, h):
+    return replace(state, x=state.x + h * state.v)
+
+
+def test_another_energy_is_noticed_without_a_promise():
+    right = check_solver(symplectic_euler, pattern="stepping/*")
+    assert {r.row.case.id for r in right if r.status is Status.PASS} == {"stepping/frequency", "stepping/strained"}
+    wrong = check_solver(st_venant_kirchhoff)
+    assert {r.row.case.id for r in wrong if r.status is Status.FAIL} == {"stepping/strained"}
+    assert statuses(wrong)["dynamics/linear-momentum"] is Status.PASS
+    strained = next(r for r in wrong if r.row.case.id == "stepping/strained")
+    assert strained.measurement.error > 0.3
+
+
+@pytest.mark.parametrize("step", [idle, coasting])
+def test_a_solver_that_does_nothing_passes_nothing(step):
+    results = check_solver(step)
+    assert {result.status for result in results} == {Status.FAIL, Status.SKIP}
+    assert all("set step." in result.note for result in results if result.status is Status.SKIP)
+    assert any("as they were" in result.note or "where it was" in result.note for result in results)
 
 
 def statuses(results):

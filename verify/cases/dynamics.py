@@ -87,7 +87,8 @@ def free_fall(use: Use, *, solver: str) -> Measurement:
     own_solver=True,
 )
 def rest(use: Use, *, solver: str, held: str) -> Measurement:
-    """Twenty steps of doing nothing."""
+    """Twenty steps of doing nothing, by a solver that does move what should move."""
+    tumbling().states(solver_under_test(solver, use), _H, _STEPS)
     body = turned(resting(held == "held"), rotation(), np.array([0.3, -0.7, 0.2]))
     end = body.end(solver_under_test(solver, use), _H, _STEPS)
     return vanishes(end.x - body.start.x, body.size)

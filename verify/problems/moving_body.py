@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshes.types import TetMesh
-from verify.integrators.under_test import Material, SolverUnderTest, State
+from verify.integrators.under_test import Material, SolverError, SolverUnderTest, State
 from verify.problems import bodies
 from verify.reference.elasticity import AssembledElasticity, lumped_mass
 
@@ -70,7 +70,13 @@ class MovingBody:
         return self.kinetic(state.v) + self.elasticity.energy(state.x)
 
     def states(self, solver: SolverUnderTest, h: float, steps: int) -> Sequence[State]:
-        """The start and the states after each step; several cases look at one motion."""
+        """The start and the states after each step; several cases look at one motion.
+
+        Raises
+        ------
+        SolverError
+            The solver leaves a body that moves where it is, or its velocities as they are.
+        """
         return _states(solver, self, h, steps)
 
     def end(self, solver: SolverUnderTest, h: float, steps: int) -> State:
@@ -86,7 +92,19 @@ def _states(solver: SolverUnderTest, body: MovingBody, h: float, steps: int) -> 
     states = [body.start]
     for _ in range(steps):
         states.append(solver.step(body.mesh, body.material, states[-1], h))
+    _check_motion(solver, body, h, states)
     return tuple(states)
+
+
+def _check_motion(solver: SolverUnderTest, body: MovingBody, h: float, states: Sequence[State]) -> None:
+    """Laws of conservation hold for a solver that does nothing; hold them against none that does not move."""
+    start, moving = states[0], body.kinetic(states[0].v)
+    if moving == 0.0:
+        return
+    if body.kinetic(states[1].x - start.x) < 0.01 * h * h * moving:
+        raise SolverError(f"{solver.name} left a moving body where it was: it moved by less than a tenth of h v")
+    if body.kinetic(states[-1].v - start.v) < 1e-6 * moving:
+        raise SolverError(f"{solver.name} left the velocities as they were, although forces act on the body")
 
 
 def uneven(mesh: TetMesh) -> Material:
