@@ -4,6 +4,7 @@
 1. No quick row fails; locking is reported for three Poisson's ratios without a verdict.
 2. lam_Lame in place of lam, and forces that are a hundredth too soft, are noticed.
 3. No other row fails (slow).
+4. Forces five per cent too large, which belong to no energy, turn rows red.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import replace
 
 import pytest
 
+from tests.verify.wrong_forces import StrongUse
 from verify.cases import bending
 from verify.suite.run import Status, choose, run_row
 from verify.suite.use import Use
@@ -56,3 +58,8 @@ class SoftUse(Use):
 @pytest.mark.parametrize("wrong", [LamUse(threads=1), SoftUse(threads=1)], ids=lambda use: type(use).__name__)
 def test_wrong_forces_are_noticed(wrong):
     assert bending.same_elements(wrong, body="cantilever", precision="float64").error > 1e-3
+
+
+@pytest.mark.parametrize("row", choose("bending/same-elements"), ids=str)
+def test_too_large_forces_are_noticed(row):
+    assert run_row(row, StrongUse(threads=1)).status is Status.FAIL

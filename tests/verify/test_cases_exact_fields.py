@@ -3,6 +3,7 @@
 
 1. Every quick row passes, and forces, both waves, the bar between walls and the orders are among them.
 2. A stress that is wrong by a hundredth of one term, and a missing factor in the load, are noticed.
+3. Forces five per cent too large, which belong to no energy, turn the rows of the hanging bar red.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.verify.wrong_forces import StrongUse
 from verify.cases import exact_fields
 from verify.problems.bodies import body
 from verify.suite.run import Status, choose, run_row
@@ -54,3 +56,9 @@ def test_straight_motion_turns_elements_over():
     x = exact_fields.straight_line_state(disc)
     assert (USE.backend(disc).energies(x)[1] < 0.0).any()
     np.testing.assert_array_equal(x[~disc.free], disc.mesh.points[~disc.free])
+
+
+@pytest.mark.parametrize("name", ["hanging-bar-order", "hanging-bar-error"])
+def test_too_large_forces_are_noticed(name):
+    (row,) = choose(f"exact/{name}")
+    assert run_row(row, StrongUse(threads=1)).status is Status.FAIL

@@ -5,6 +5,7 @@
 2. A force with lam_Lame in place of lam, soft spots of one element in ten, and a forgotten interface
    load are noticed.
 3. All rows pass, those of sixteen cells too (slow).
+4. Forces five per cent too large, which belong to no energy, turn orders and errors red.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.verify.wrong_forces import StrongUse
 from verify.cases import manufactured
 from verify.suite.run import Status, choose, run_row
 from verify.suite.use import Use
@@ -76,3 +78,8 @@ def test_forgotten_interface_load_is_noticed(monkeypatch):
     found = manufactured.error(USE, norm="l2", material="jump", finest=8)
     manufactured.solve.cache_clear()
     assert found.error > 0.0
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if "single" not in str(row)], ids=str)
+def test_too_large_forces_are_noticed(row):
+    assert run_row(row, StrongUse(threads=1)).status is Status.FAIL

@@ -7,14 +7,18 @@
 4. Quadratic elements on rollers give the hanging bar, a parabola, to rounding at finite strain.
 5. Rigid body modes are the null space of the stiffness at rest.
 6. Multigrid says when it has no solution: a body that nothing holds, pushed.
+7. Forces that are no gradient of the energy are solved for all the same: it ends where they balance the load.
+8. Steps are shortened where a whole one goes too far, and an end that is none is an error.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from femgal.kernels.cpu.backend import CpuBackend
+from tests.verify.wrong_forces import FACTOR, StrongBackend
 from verify.problems.bodies import distorted_box, left_end, uniform, varied
 from verify.reference.elasticity import AssembledElasticity, consistent_mass
 from verify.reference.statics import ProductionElasticity, equilibrium, rigid_body_modes, solve_by_multigrid
@@ -32,7 +36,6 @@ def hanging(elasticity=REFERENCE, linear="direct"):
 
 def test_equilibrium():
     result = hanging()
-    assert result.converged
     residual = (REFERENCE.gradient(result.x) - LOAD)[DISC.free]
     assert np.abs(residual).max() < 1e-9 * np.abs(LOAD).max()
     assert result.steps[-1] < result.steps[-2] ** 1.5
@@ -72,3 +75,31 @@ def test_multigrid_says_when_it_fails():
     pushed = np.ones(3 * DISC.n_vertices)
     with pytest.raises(ArithmeticError, match="unknowns"):
         solve_by_multigrid(REFERENCE.hessian(MESH.points), pushed, rigid_body_modes(MESH.points))
+
+
+def test_forces_alone_decide():
+    production = ProductionElasticity.of(StrongBackend(CpuBackend(DISC, 1)))
+    x = equilibrium(production, LOAD, FREE, MESH.points).x
+    assert np.abs(FACTOR * REFERENCE.gradient(x) - LOAD)[DISC.free].max() < 1e-9 * np.abs(LOAD).max()
+    assert np.abs(x - hanging().x).max() > 0.01 * np.abs(x - MESH.points).max()
+
+
+class Arctan:
+    """Forces that level off: whole steps from beyond 1.39 end ever farther away (Dennis and Schnabel 1983)."""
+
+    def gradient(self, x):
+        return np.arctan(x)
+
+    def hessian(self, x):
+        return sp.diags(1.0 / (1.0 + x.ravel() ** 2)).tocsr()
+
+
+def test_shortened_steps():
+    start = np.array([[3.0, -3.0, 2.0], [-2.0, 3.0, 2.5]])
+    x = equilibrium(Arctan(), np.zeros((2, 3)), np.ones((2, 3), bool), start).x
+    np.testing.assert_allclose(x, 0.0, atol=1e-11)
+
+
+def test_no_end_is_an_error():
+    with pytest.raises(ArithmeticError, match="not converged in 2 steps"):
+        equilibrium(REFERENCE, LOAD, FREE, MESH.points, iterations=2)

@@ -144,10 +144,11 @@ def bend(
     load = problem.forces(mesh, degree)
     # Algebraic multigrid is slow where the material hardly changes its volume, and lost where the matrix is indefinite.
     linear: LinearSolver = "multigrid" if len(nodes) > 6000 and problem.nu < 0.4 else "direct"
-    result = equilibrium(elasticity, load, free, nodes + np.where(free, start, 0.0), tolerance=tolerance, linear=linear)
-    if not result.converged:
-        raise ArithmeticError(f"{problem.key}, {len(nodes)} nodes: Newton's steps end at {result.steps[-1]:.3g} m")
-    return result.x - nodes
+    start = nodes + np.where(free, start, 0.0)
+    try:
+        return equilibrium(elasticity, load, free, start, tolerance=tolerance, linear=linear).x - nodes
+    except ArithmeticError as failed:
+        raise ArithmeticError(f"{problem.key}, {len(nodes)} nodes: {failed}") from failed
 
 
 def refined(problem: Bending, u: Floats, nodes: Floats, onto: Floats, n: int, degree: int = 1) -> Floats:

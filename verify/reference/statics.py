@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from femgal.kernels.backend import Backend
 from verify.reference.elasticity import AssembledElasticity
-from verify.reference.newton import backtrack, solve_definite
+from verify.reference.newton import solve_definite
 
 Floats = NDArray[np.float64]
 
@@ -27,16 +27,15 @@ LinearSolver = Literal["direct", "multigrid"]
 
 # Of the residual, for the conjugate gradients of one Newton step.
 _CG_TOLERANCE = 1e-10
+# A step that has to be shorter than this share of Newton's leads nowhere.
+_SHORTEST = 1e-9
 
 
 class Elasticity(Protocol):
-    """Energy [J], forces [N] and stiffness [N/m] at positions x [m] of shape [n, 3]."""
-
-    def energy(self, x: Floats) -> float:
-        """Elastic energy."""
+    """Forces [N] and stiffness [N/m] at positions x [m] of shape [n, 3]."""
 
     def gradient(self, x: Floats) -> Floats:
-        """Its gradient, shape [n, 3]."""
+        """Gradient of the elastic energy, shape [n, 3]."""
 
     def hessian(self, x: Floats) -> sp.csr_matrix:
         """Its Hessian, shape [3n, 3n], or a matrix near it."""
@@ -44,7 +43,7 @@ class Elasticity(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ProductionElasticity:
-    """Energy and forces of production's passes with scikit-fem's matrix, for Newton steps on production's forces."""
+    """Forces of production's passes with scikit-fem's matrix, for Newton steps on production's forces."""
 
     backend: Backend
     assembled: AssembledElasticity
@@ -55,12 +54,8 @@ class ProductionElasticity:
         disc = backend.disc
         return cls(backend, AssembledElasticity(disc.mesh, disc.mu, disc.lam))
 
-    def energy(self, x: Floats) -> float:
-        """Elastic energy [J]."""
-        return float(self.backend.energies(x)[0].sum())
-
     def gradient(self, x: Floats) -> Floats:
-        """Its gradient at the free vertices [N], shape [n, 3]."""
+        """Gradient of the elastic energy at the free vertices [N], shape [n, 3]."""
         return self.backend.gradient(x)
 
     def hessian(self, x: Floats) -> sp.csr_matrix:
@@ -75,13 +70,11 @@ class Equilibrium:
     Parameters
     ----------
     x : Positions [m], shape [n, 3].
-    steps : Largest |component| of each Newton step [m]; the last one says how well it converged.
-    converged : Whether that met the tolerance.
+    steps : Largest |component| of each full Newton step [m]; the last one says how well it converged.
     """
 
     x: Floats
     steps: tuple[float, ...]
-    converged: bool
 
 
 def equilibrium(
@@ -94,37 +87,55 @@ def equilibrium(
     iterations: int = 40,
     linear: LinearSolver = "direct",
 ) -> Equilibrium:
-    """Minimise E(x) - load . x over the free components of the nodes.
+    """Solve grad E(x) = load for the free components of the nodes.
+
+    Steps are shortened where the forces along them ask for it. No energy is asked, so that a solution is one of the
+    forces even where forces and energy disagree.
 
     Parameters
     ----------
     load : Dead forces [N], shape [n, 3].
     free : Components that may move, shape [n, 3]; rollers hold one or two of a node.
     start : First iterate [m], shape [n, 3], with held components where they belong.
-    tolerance : Converged when a Newton step moves nothing by more than this share of the body's size.
+    tolerance : Converged when a whole Newton step moves nothing by more than this share of the body's size, and leaves
+        no force above this share of the terms of which the forces are sums.
     linear : Sparse factorisation, or conjugate gradients with algebraic multigrid.
+
+    Raises
+    ------
+    ArithmeticError
+        Newton's method has not converged.
     """
     x, at, steps = start.copy(), np.flatnonzero(free.ravel()), []
     size = float(np.ptp(start, axis=0).max())
 
-    def value(y: Floats) -> float:
-        return elasticity.energy(y) - float((load * (y - start)).sum())
+    def residual(y: Floats) -> Floats:
+        return (elasticity.gradient(y) - load).ravel()[at]
 
     for _ in range(iterations):
-        g = (elasticity.gradient(x) - load).ravel()[at]
-        A = elasticity.hessian(x)[at][:, at].tocsr()
+        g, H = residual(x), elasticity.hessian(x)
         d = np.zeros(x.size)
-        d[at] = -_SOLVERS[linear](A, g, x.reshape(-1, 3), at)
-        t = _length(value, x, d.reshape(-1, 3), float(g @ d[at]))
-        x = x + t * d.reshape(-1, 3)
-        steps.append(t * float(np.abs(d).max()))
-        if steps[-1] <= tolerance * size:
-            return Equilibrium(x, tuple(steps), True)
-    return Equilibrium(x, tuple(steps), False)
+        d[at] = -_SOLVERS[linear](H[at][:, at].tocsr(), g, x.reshape(-1, 3), at)
+        steps.append(float(np.abs(d).max()))
+        ends = steps[-1] <= tolerance * size
+        x = x + (1.0 if ends else _length(residual, x, d, g, at)) * d.reshape(-1, 3)
+        if ends and np.abs(residual(x)).max() <= tolerance * _terms(H, x, load):
+            return Equilibrium(x, tuple(steps))
+    shown = ", ".join(f"{step:.2g}" for step in steps[-3:])
+    raise ArithmeticError(f"Newton's method has not converged in {iterations} steps, the last ones of {shown} m")
 
 
-def _length(value: Callable[[Floats], float], x: Floats, d: Floats, slope: float) -> float:
-    return backtrack(lambda t: value(x + t * d), slope)
+def _length(residual: Callable[[Floats], Floats], x: Floats, d: Floats, g: Floats, at: NDArray[np.int64]) -> float:
+    """Largest of 1, 1/2, 1/4, ... after which forces along d do not push back harder than they pulled."""
+    pull, t = abs(float(g @ d[at])), 1.0
+    while t > _SHORTEST and float(residual(x + t * d.reshape(-1, 3)) @ d[at]) > pull:
+        t *= 0.5
+    return t
+
+
+def _terms(H: sp.csr_matrix, x: Floats, load: Floats) -> float:
+    """Largest sum of the absolute terms of a force [N]: stiffness times distances from the middle, and the load."""
+    return float((abs(H) @ np.abs(x - x.mean(axis=0)).ravel()).max() + np.abs(load).max())
 
 
 def rigid_body_modes(x: Floats) -> Floats:
