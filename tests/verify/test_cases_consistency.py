@@ -4,13 +4,17 @@
 1. Its quick rows pass, and they show the published and consistent step lengths, with plots of error and residual; a
    row that judges nothing has the plot of all rules.
 2. It can tell them apart: published steps do not pass for consistent ones, nor the other way round, nor does a body
-   of its own stiffness pass for the softer one.
+   of its own stiffness pass for the softer one. A residual that is not a number is red.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from verify.cases import consistency
-from verify.suite.run import Status, choose, run
+from verify.suite.run import Status, choose, run, run_row
 from verify.suite.use import Use
 
 USE = Use()
@@ -26,6 +30,14 @@ def test_quick_rows():
     assert [plot.y for plot in published.plots] == ["trajectory error", "eps18 [m]"]
     (plot,) = consistency.published_against_spectral(USE, mesh="beam").plots
     assert {curve.name for curve in plot.curves} == set(consistency.RULES)
+
+
+def test_residuals_that_are_no_numbers_are_red(monkeypatch):
+    good = consistency.run("beam", "spectral", 10, USE)
+    lost = replace(good, residuals=np.full_like(good.residuals, np.nan))
+    monkeypatch.setattr(consistency, "run", lambda *_: lost)
+    (row,) = choose("consistency/eps18[beam,spectral]")
+    assert run_row(row, USE).status is Status.FAIL
 
 
 def test_the_rules_are_told_apart():

@@ -5,6 +5,7 @@
 2. The exact difference of a polynomial of degree six is its derivative, of degree seven it is not.
 3. A gradient that is off by a part in a million, a product whose last term is off by a part in a thousand, and one that
    is not symmetric are each seen by the rows named for them, in float32 too.
+4. Passes that return zeros or NaN are red, not skipped: only a user's own mesh may drown in rounding.
 """
 
 from __future__ import annotations
@@ -63,6 +64,45 @@ COARSE_GRADIENT = {"wrong_gradient": lambda f: 1.001 * f}
 PRODUCT = {"wrong_product": lambda f, d: 1.001 * f}
 SKEW = {"wrong_product": lambda f, d: f + 1e-3 * np.abs(f).mean() * np.cross(d, [1.0, 2.0, 3.0])}
 GROUNDED = {"wrong_product": lambda f, d: f + 1e-2 * np.abs(f).mean() * d}
+
+
+class Blank:
+    """Passes that all return one number."""
+
+    def __init__(self, backend, number) -> None:
+        self.backend, self.number = backend, number
+
+    def gradient(self, x):
+        return np.full_like(x, self.number)
+
+    def hessian_product(self, x, d, *, definite=False):
+        return np.full_like(d, self.number)
+
+    def energies(self, x):
+        energy, J = self.backend.energies(x)
+        return np.full_like(energy, self.number), J
+
+
+@dataclass(frozen=True)
+class BlankUse(Use):
+    """The suite with production that computes nothing."""
+
+    number: float = 0.0
+
+    def backend(self, disc, precision="float64"):
+        return Blank(super().backend(disc, precision), self.number)
+
+
+@pytest.mark.parametrize("number", [0.0, np.nan])
+@pytest.mark.parametrize("name", ["taylor-energy", "taylor-energy-hessian", "taylor-forces"])
+def test_passes_that_compute_nothing_are_red(name, number):
+    for row in choose(f"derivatives/{name}[rabbit,*"):
+        assert run_row(row, BlankUse(number=number)).status is Status.FAIL
+
+
+def test_products_that_are_no_numbers_are_red():
+    for row in choose("derivatives/definite-part[*,rabbit]"):
+        assert run_row(row, BlankUse(number=np.nan)).status is Status.FAIL
 
 
 @pytest.mark.parametrize(

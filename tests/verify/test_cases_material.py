@@ -5,7 +5,8 @@
 2. Closed forms belong together: P is the derivative of the energy, free sides carry no stress, and the von Mises norm
    is that of P F^T / J.
 3. Swapping lam for lam_Lame, or a sign in the stress, is seen by the rows named for it.
-4. Area normals of a closed surface add up to zero, and those of one end of a bar to its area.
+4. An assembled reference whose energy or forces are not numbers is red.
+5. Area normals of a closed surface add up to zero, and those of one end of a bar to its area.
 """
 
 from __future__ import annotations
@@ -87,6 +88,14 @@ def test_wrong_stiffness_is_noticed(monkeypatch):
         monkeypatch, "uniform-forces[float32,confined] uniform-energy[float32,confined] dilation[float32]"
     )
     assert found == {"material/uniform-forces", "material/uniform-energy", "material/energy-along-dilation"}
+
+
+@pytest.mark.parametrize("name", ["energy", "gradient"])
+def test_a_reference_that_is_no_number_is_red(monkeypatch, name):
+    right = getattr(material.AssembledElasticity, name)
+    monkeypatch.setattr(material.AssembledElasticity, name, lambda self, x: np.nan * right(self, x))
+    (row,) = choose("material/assembled-reference[uniaxial]")
+    assert run_row(row, Use()).status is Status.FAIL
 
 
 def test_surface_areas():

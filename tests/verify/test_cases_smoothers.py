@@ -3,6 +3,7 @@
 
 1. Every quick row passes.
 2. Steps a third too long, a search that always takes the full step, and an eigenvalue too large turn rows red.
+3. So do steps of one layer and potentials that are not numbers.
 """
 
 from __future__ import annotations
@@ -32,6 +33,14 @@ def test_long_steps_are_noticed(monkeypatch):
     assert smoothers.consistent_steps(USE, hierarchy="clusters-8").error == 0.0
     monkeypatch.setattr(smoothers, "step_lengths", lambda *args, **kwargs: 0.99 * right(*args, **kwargs))
     assert smoothers.consistent_steps(USE, hierarchy="clusters-8").error > 1.0
+
+
+def test_steps_that_are_no_numbers_are_noticed(monkeypatch):
+    right = smoother.step_lengths
+    lost = lambda *args, **kwargs: right(*args, **kwargs) * [1.0, *[np.nan] * (len(args[2]) - 1)]  # noqa: E731
+    monkeypatch.setattr(smoothers, "step_lengths", lost)
+    for row in choose("smoothers/stable-steps[box] smoothers/consistent-steps[clusters-8]"):
+        assert run_row(row, USE).status is Status.FAIL
 
 
 def test_full_steps_are_noticed(monkeypatch):

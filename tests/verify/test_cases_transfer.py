@@ -3,7 +3,7 @@
 
 1. Every quick row passes, for each hierarchy.
 2. A wrong weight in the restriction, a node that moves a fixed vertex, a torn node and a lattice that is shifted are
-   each seen by the row named for it.
+   each seen by the row named for it. A builder that makes no coarse layer is red.
 3. The barycentric coordinates of the reference reproduce positions, and sum to one.
 """
 
@@ -58,6 +58,15 @@ def moves_fixed(layer):
 def test_faults_are_noticed(monkeypatch, name, fault):
     monkeypatch.setattr(transfer, "coarse_layers", lambda *a: tuple(fault(one) for one in coarse_layers(*a)))
     assert status(f"{name}[rabbit,constant-8]") is Status.FAIL
+
+
+def test_a_missing_layer_is_noticed(monkeypatch):
+    build = transfer.build_constant_hierarchy
+    alone = lambda *a: replace(build(*a), layers=build(*a).layers[:1])  # noqa: E731
+    monkeypatch.setattr(transfer, "build_constant_hierarchy", alone)
+    monkeypatch.setattr(transfer, "coarse_layers", coarse_layers.__wrapped__)
+    for name in ("translation", "fixed-vertices", "transpose", "assembled", "connected-nodes"):
+        assert status(f"{name}[rabbit,constant-8]") is Status.FAIL
 
 
 def test_a_shifted_lattice_is_noticed(monkeypatch):

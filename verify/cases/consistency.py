@@ -116,7 +116,8 @@ def eps18_falls(use: Use, *, mesh: str, rule: str) -> Measurement:
     """That is why no row here is judged by it."""
     residuals = [run(mesh, rule, S, use).residuals[-1] for S in SUBSTEPS]
     found = order(_H, residuals, 2.0, x=_X, y="eps18 [m]", title=f"eps18, {rule} step lengths, {mesh}")
-    return replace(found, error=max(0.0, 2.0 - found.computed))
+    # Unlike max, np.maximum of a number and NaN is NaN.
+    return replace(found, error=float(np.maximum(0.0, 2.0 - found.computed)))
 
 
 @case(

@@ -85,7 +85,8 @@ def stable_steps(use: Use, *, mesh: str) -> Measurement:
             for layer, w in zip(chosen, step_lengths("spectral", phi, chosen), strict=True):
                 exact = _eigenvalue(_matrix(mesh, layer, weight), False)
                 overshoots[f"{name}, {layer.name}"] = float(w) * exact
-    most = max(overshoots, key=lambda one: overshoots[one])
+    # The first that is not a number, where there is one.
+    most = list(overshoots)[int(np.argmax(list(overshoots.values())))]
     return at_most(overshoots[most], 4.0 / 3.0, f"largest of {len(overshoots)}: {most}")
 
 
@@ -148,7 +149,7 @@ def exact_steps(use: Use, *, mesh: str, precision: Precision) -> Measurement:
             terms = np.abs(d * at.gradient_at(end)).sum()
             grown = 0.0 if at.value(end) < at.value(at.x) else 1.0
             one = compare(float((d * at.gradient_at(end)).sum()), 0.0, float(terms))
-            found[f"{state}, {layer.name}"] = replace(one, error=max(one.error, grown))
+            found[f"{state}, {layer.name}"] = replace(one, error=float(np.maximum(one.error, grown)))
     return worst(found)
 
 
@@ -184,7 +185,7 @@ def potential_never_grows(use: Use, *, solver: str, precision: Precision) -> Mea
             for number in 4 * sequence(disc, solver):
                 one.smooth_layer(phi, x, number)
                 values.append(at.value(x))
-            growth = max(0.0, float(np.diff(values).max()))
+            growth = float(np.maximum(0.0, np.diff(values).max()))
             fell = 1.0 if values[-1] < values[0] else np.inf
             found[f"{state}, {rule}"] = Measurement(growth, 0.0, fell * growth / at.energy_terms(x_n))
     return worst(found)

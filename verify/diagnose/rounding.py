@@ -66,7 +66,7 @@ def precision(target: Target) -> Finding:
         return Finding("float32", Severity.OK, "Nothing can move.")
     strain = typical_strain(target)
     noise = force_noise(target, strain)
-    worst = max(one.rms for one in noise.values())
+    worst = float(np.max([one.rms for one in noise.values()]))
     share = worst / strain
     substeps = target.scene.solver.substeps or DEFAULT_SUBSTEPS
     numbers = {

@@ -117,6 +117,11 @@ def own_body() -> Discretisation:
     return _own[-1]
 
 
+def is_own(disc: Discretisation) -> bool:
+    """Whether a body is the user's: any other is large enough for every case that it is in."""
+    return any(disc is one for one in _own)
+
+
 def use_own_body(disc: Discretisation) -> None:
     """Make a body the one that "own" stands for."""
     mesh.cache_clear()
