@@ -9,6 +9,7 @@
 5. cofactor(F)^T F = det F I, and its derivative agrees with differences.
 6. All of 1 holds for quadratic shape functions, whose energy of a quadratic field is the integral by hand; their
    consistent mass adds up to the mass, and so does that of linear ones.
+7. Young's modulus and Poisson's ratio come back from mu and lam by the formulas of Lame's parameters.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from verify.reference.elasticity import (
     cofactor_derivative,
     consistent_mass,
     lumped_mass,
+    material_parameters,
 )
 
 MESH = distorted_box((3, 2, 2))
@@ -106,3 +108,11 @@ def test_consistent_mass(degree):
         length, width, height = np.ptp(MESH.points, axis=0)
         exact = length**3 / 3.0 * width * height
         assert x @ consistent_mass(MESH, 1.0, 2) @ x == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("nu", [-0.3, 0.0, 0.3, 0.49])
+def test_material_parameters(nu):
+    mu, lam = material_parameters(7e4, nu)
+    lame = lam - mu
+    assert mu * (3.0 * lame + 2.0 * mu) / (lame + mu) == pytest.approx(7e4, rel=1e-13)
+    assert lame / (2.0 * (lame + mu)) == pytest.approx(nu, abs=1e-14)

@@ -5,16 +5,22 @@
 2. The value falls in every step.
 3. solve_definite gives the solution of a definite system, and a descent direction of an indefinite one.
 4. backtrack takes the full step where that is good, and a shorter one where it is not.
+5. Nothing that production's potential says of h or of masses reaches the minimiser; no end is an error.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from femgal.timestep.potential import IncrementalPotential
 from verify.problems.bodies import distorted_box, left_end, potential_at, rng, varied
-from verify.reference.newton import ReferenceNewton, backtrack, solve_definite
+from verify.reference.newton import ReferenceNewton, StepMinimiser, backtrack, solve_definite
+from verify.suite.run import Status, choose, run_row
+from verify.suite.use import Use
 
 MESH = distorted_box((4, 2, 2))
 DISC = varied(MESH, left_end(MESH))
@@ -51,3 +57,18 @@ def test_backtrack():
     assert backtrack(lambda t: -t + 0.5 * t * t, -1.0) == 1.0
     t = backtrack(lambda t: -t + 50.0 * t * t, -1.0)
     assert 0.0 < t < 0.02
+
+
+def test_minimiser_of_a_step():
+    xhat = MESH.points + 0.05 * DISC.free[:, None] * rng(352).standard_normal(MESH.points.shape)
+    newton = StepMinimiser(MESH, DISC.mu, DISC.lam, DISC.mass, DISC.free)
+    phi = potential_at(DISC, xhat, 0.05)
+    assert np.linalg.norm(phi.gradient(newton(xhat, 0.05))) < 1e-9 * np.linalg.norm(phi.gradient(xhat))
+    with pytest.raises(ArithmeticError, match="not converged in 1 steps"):
+        replace(newton, iterations=1)(xhat, 0.05)
+
+
+@pytest.mark.parametrize("row", choose("stepping/one-step[fas,box,long] cycles/fixed-point[jacobi,float64]"), ids=str)
+def test_h_in_place_of_h2_is_noticed(monkeypatch, row):
+    monkeypatch.setattr(IncrementalPotential, "inverse_h2", property(lambda phi: phi.inertia / phi.h))
+    assert run_row(row, Use()).status is Status.FAIL

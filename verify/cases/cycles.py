@@ -17,21 +17,21 @@ from numpy.typing import NDArray
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Backend, Precision
-from femgal.kernels.plain.backend import PlainBackend
 from femgal.solvers.chebyshev import Chebyshev
 from femgal.solvers.cycle import Cycle
 from femgal.solvers.fas import FAS
 from femgal.solvers.jacobi import Jacobi, ScalarJacobi
 from femgal.solvers.smoother import LU2025_STEPS, Relaxation, StepRule
-from femgal.solvers.solver import Solver, SolverState, minimise
+from femgal.solvers.solver import Solver, SolverState
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import MotionState
 from meshes.generators import box
 from meshes.ordering import reorder
 from verify.problems.bodies import body, left_end, mean_edge, rng, uniform
 from verify.reference.corrections import SEQUENCES, Corrections, corrections_at
+from verify.reference.elasticity import lumped_mass
 from verify.reference.galerkin import layers
-from verify.reference.newton import ReferenceNewton
+from verify.reference.newton import StepMinimiser
 from verify.suite.case import PRECISIONS, Curve, Kind, Measurement, case
 from verify.suite.measure import compare, order, vanishes, worst
 from verify.suite.use import Use
@@ -39,6 +39,8 @@ from verify.suite.use import Use
 Floats = NDArray[np.float64]
 
 H = 1.0 / 60.0
+# Of `verify.problems.bodies.uniform` [kg/m^3].
+_DENSITY = 1000.0
 SINGLE = {"jacobi": Jacobi, "scalar-jacobi": ScalarJacobi}
 CYCLES = {"fas": Cycle(), "v": Cycle("V", 1, 1), "f": Cycle("F", 1, 1), "w": Cycle("W", 1, 1)}
 HIERARCHIES = {"clusters": "clusters-3", "pair": "clusters-8", "eights": "clusters-8", "lattice": "lattice"}
@@ -61,7 +63,7 @@ _CELLS = {"jacobi": (4, 8, 16), "fas-eights": (4, 8, 16, 24), "fas-lattice": (4,
     unit="1",
     kind=Kind.CROSS_CODE,
     formula="grad phi(x) = 0, so every correction -w H^-1 P^T grad phi is zero",
-    source="minimiser by Newton's method with scikit-fem's Hessian and a direct solver",
+    source="minimiser by Newton's method, scikit-fem's Hessian and masses, a direct solver; mu and lam are shared",
     tolerance={"float64": 1e-13, "float32": 1e-7},
     reason="rounding of forces that cancel: 1e-15 or 1e-6 of the largest of a vertex, at strains of some hundredths",
     over={"solver": (*SINGLE, *MULTIGRID, "chebyshev"), "precision": PRECISIONS},
@@ -291,9 +293,9 @@ def thrown(disc: Discretisation) -> Floats:
 
 @cache
 def minimiser(disc: Discretisation) -> Floats:
-    """Exact solution of the step."""
-    phi = IncrementalPotential(PlainBackend(disc, 1), thrown(disc), H)
-    return minimise(ReferenceNewton(disc), phi, {}).x
+    """Exact solution of the step of a body of `uniform` material, whose mu and lam it takes from the disc."""
+    newton = StepMinimiser(disc.mesh, disc.mu, disc.lam, lumped_mass(disc.mesh, _DENSITY), disc.free)
+    return newton(thrown(disc), H)
 
 
 @cache

@@ -46,7 +46,7 @@ _SOLVED = {"steps": "exact", "iterations": 20_000, "tolerance": 1e-13}
     unit="1",
     kind=Kind.CROSS_CODE,
     formula="x_{n+1} = argmin |x - x_n - h v_n - h^2 g|^2_M / (2 h^2) + E(x), with 2 or 4 substeps per frame",
-    source="verify/reference/newton.py: assembled by scikit-fem, solved by a sparse direct solver",
+    source="verify/reference/newton.py: assembled by scikit-fem, masses too, and solved by a sparse direct solver",
     tolerance=1e-9,
     reason="substeps are solved to eps18 = 1e-13 m, and the body moves by centimetres",
     over={"mesh": ("bar", "bunny"), "solver": IMPLICIT},
@@ -54,7 +54,7 @@ _SOLVED = {"steps": "exact", "iterations": 20_000, "tolerance": 1e-13}
     requires="scikit-fem; the bunny's surface for its rows",
 )
 def newton(use: Use, *, mesh: str, solver: str) -> Measurement:
-    """Through scene, plan and hierarchy on one side, in NumPy alone on the other."""
+    """Through scene, plan and hierarchy on one side, by scikit-fem on the other; mesh and start are shared."""
     sim = simulation(_newton_scene(mesh, solver, _SOLVED), use)
     expected = _newton_displacements(mesh, use)
     return _distance(sim, displacements_of(sim), expected)

@@ -92,6 +92,13 @@ class AssembledElasticity:
         return np.eye(3)[:, :, None, None] + np.stack([self._basis.interpolate(one).grad for one in values])
 
 
+def material_parameters(E: ArrayLike, nu: ArrayLike) -> tuple[Floats, Floats]:
+    """mu and lam [Pa] of the energy above, whose small strains are those of Young's modulus E [Pa] and Poisson's nu."""
+    bulk, shear = np.asarray(E) / (3.0 - 6.0 * np.asarray(nu)), np.asarray(E) / (2.0 + 2.0 * np.asarray(nu))
+    # lam_Lame is bulk - 2/3 shear.
+    return shear, bulk + shear / 3.0
+
+
 def lumped_mass(mesh: TetMesh, rho: ArrayLike) -> Floats:
     """Row sums of the consistent mass matrix [kg], shape [n]; rho [kg/m^3] is a scalar or one per tetrahedron."""
     return np.asarray(consistent_mass(mesh, rho).sum(axis=1)).ravel()

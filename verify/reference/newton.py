@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Minimiser of the incremental potential by Newton's method with a sparse direct solver: the solution of one step.
 
-Energies, gradients and Hessians come from scikit-fem, so a converged step owes nothing to the passes that it checks.
-Where the Hessian of the potential is not positive definite its diagonal is raised until it is.
+Energies, gradients, Hessians and, in the verification suite, masses come from scikit-fem, and 1 / h^2 is formed here:
+of femgal a converged step takes the mesh, and nothing else that the caller does not hand over. Where the Hessian of the
+potential is not positive definite its diagonal is raised until it is.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from femgal.discretisation import Discretisation
 from femgal.solvers.solver import Outcome, SolverState
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import MotionState
+from meshes.types import TetMesh
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.transfer import mass_matrix
 
@@ -33,14 +35,78 @@ _SHIFT = 1e-3
 
 
 @dataclass(eq=False)
-class ReferenceNewton:
-    """A solver like the others, for small problems: init / step / finished.
+class StepMinimiser:
+    """Minimises |x - xhat|^2_M / (2 h^2) + E(x) over the free vertices; n vertices, m tetrahedra.
 
     Parameters
     ----------
-    disc : The discretised bodies.
-    tolerance : Stop when the last step moved no vertex by more than this share of the body's size.
+    mesh : Rest configuration.
+    mu, lam : Material parameters [Pa], shape [m].
+    mass : Lumped masses [kg], shape [n].
+    free : Vertices that may move, shape [n], bool.
+    tolerance : Converged when a whole Newton step moves no vertex by more than this share of the body's size.
     iterations : At most this many.
+    """
+
+    mesh: TetMesh
+    mu: Floats
+    lam: Floats
+    mass: Floats
+    free: NDArray[np.bool_]
+    tolerance: float = 1e-12
+    iterations: int = 60
+
+    def __post_init__(self) -> None:
+        self.elasticity = AssembledElasticity(self.mesh, self.mu, self.lam)
+        self._at = np.flatnonzero(np.repeat(self.free, 3))
+        self._size = float(np.ptp(self.mesh.points, axis=0).max())
+
+    def __call__(self, xhat: Floats, h: float) -> Floats:
+        """The minimiser [m], shape [n, 3], from the prediction xhat, for a step of h seconds.
+
+        Raises
+        ------
+        ArithmeticError
+            Newton's method has not converged.
+        """
+        x = xhat.copy()
+        for _ in range(self.iterations):
+            x, whole = self.step(x, xhat, 1.0 / (h * h))
+            if self.ends(whole):
+                return x
+        raise ArithmeticError(
+            f"Newton's method has not converged in {self.iterations} steps, the last of {whole:.2g} m"
+        )
+
+    def ends(self, whole: float) -> bool:
+        """Whether a whole step of this length [m] is short enough."""
+        return whole <= self.tolerance * self._size
+
+    def step(self, x: Floats, xhat: Floats, inverse_h2: float) -> tuple[Floats, float]:
+        """One Newton step with backtracking, and the largest |component| [m] of the whole step."""
+        inertia, at = inverse_h2 * self.mass, self._at
+
+        def value(t: float) -> float:
+            y = x + t * d
+            return 0.5 * float(inertia @ ((y - xhat) ** 2).sum(axis=1)) + self.elasticity.energy(y)
+
+        g = (inertia[:, None] * (x - xhat) + self.elasticity.gradient(x)).ravel()[at]
+        A = (mass_matrix(inertia) + self.elasticity.hessian(x)).tocsr()[at][:, at]
+        d = np.zeros_like(x)
+        d.ravel()[at] = -solve_definite(A, g)
+        whole = float(np.abs(d).max())
+        t = 1.0 if self.ends(whole) else backtrack(value, float(g @ d.ravel()[at]))
+        return x + t * d, whole
+
+
+@dataclass(eq=False)
+class ReferenceNewton:
+    """A solver like production's, for tests of what surrounds solvers: init / step / finished.
+
+    Parameters
+    ----------
+    disc : The discretised bodies, whose masses and material parameters it takes as they are.
+    tolerance, iterations : As of `StepMinimiser`.
     """
 
     disc: Discretisation
@@ -48,9 +114,11 @@ class ReferenceNewton:
     iterations: int = 60
 
     def __post_init__(self) -> None:
-        self.elasticity = AssembledElasticity(self.disc.mesh, self.disc.mu, self.disc.lam)
-        self._free = np.flatnonzero(np.repeat(self.disc.free, 3))
-        self._size = float(np.ptp(self.disc.mesh.points, axis=0).max())
+        disc = self.disc
+        self._newton = StepMinimiser(
+            disc.mesh, disc.mu, disc.lam, disc.mass, disc.free, self.tolerance, self.iterations
+        )
+        self.elasticity = self._newton.elasticity
 
     def prepare(self, state: MotionState, h: float) -> MotionState:
         """Nothing depends on the length of the step."""
@@ -62,34 +130,19 @@ class ReferenceNewton:
 
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
         """One Newton step with backtracking; equal to the minimiser once quadratic convergence has set in."""
-        x = state.x
-        g = self._gradient(potential, x).ravel()[self._free]
-        A = self._hessian(potential, x)[self._free][:, self._free]
-        d = np.zeros(x.size)
-        d[self._free] = -solve_definite(A, g)
-        slope = float(g @ d[self._free])
-        t = backtrack(lambda t: self._value(potential, x + t * d.reshape(-1, 3)), slope)
-        return SolverState(x + t * d.reshape(-1, 3), state.iteration + 1, (t * float(np.abs(d).max()),))
+        weight = potential.inertia / (potential.h * potential.h)
+        x, whole = self._newton.step(state.x, potential.xhat, weight)
+        return SolverState(x, state.iteration + 1, (whole,))
 
     def finished(self, potential: IncrementalPotential, state: SolverState) -> Outcome | None:
         """The reason to stop, or None to go on."""
-        if state.corrections and state.corrections[0] <= self.tolerance * self._size:
+        if state.corrections and self._newton.ends(state.corrections[0]):
             return Outcome.CONVERGED
         return Outcome.ITERATIONS if state.iteration >= self.iterations else None
 
     def conclude(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
         """Nothing to remember."""
         return state
-
-    def _value(self, potential: IncrementalPotential, x: Floats) -> float:
-        moved = ((x - potential.xhat) ** 2).sum(axis=1)
-        return 0.5 * potential.inverse_h2 * float(self.disc.mass @ moved) + self.elasticity.energy(x)
-
-    def _gradient(self, potential: IncrementalPotential, x: Floats) -> Floats:
-        return potential.inverse_h2 * self.disc.mass[:, None] * (x - potential.xhat) + self.elasticity.gradient(x)
-
-    def _hessian(self, potential: IncrementalPotential, x: Floats) -> sp.csr_matrix:
-        return (potential.inverse_h2 * mass_matrix(self.disc.mass) + self.elasticity.hessian(x)).tocsr()
 
 
 def solve_definite(A: sp.csr_matrix, b: Floats) -> Floats:

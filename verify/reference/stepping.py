@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Single steps of backward Euler and BDF2, each solved by the reference Newton, in NumPy alone.
+"""Single steps of backward Euler and BDF2, each solved by the reference Newton.
+
+Masses, material parameters and 1 / h^2 are computed here and by scikit-fem; with femgal's solvers these steps share the
+mesh and the state that they start from.
 
 Both minimise |x - xhat|^2_M / (2 h_e^2) + E(x):
 
@@ -18,39 +21,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femgal.discretisation import Discretisation
-from femgal.kernels.plain.backend import PlainBackend
-from femgal.solvers.solver import Outcome, minimise
-from femgal.timestep.potential import IncrementalPotential
 from meshes.types import TetMesh
-from verify.integrators.under_test import Material, SolverError, SolverUnderTest, State, discretised
-from verify.reference.newton import ReferenceNewton
+from verify.integrators.under_test import Material, SolverError, SolverUnderTest, State
+from verify.reference.elasticity import lumped_mass, material_parameters
+from verify.reference.newton import StepMinimiser
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(eq=False)
-class NewtonMinimiser:
-    """Minimises the potential of a step of one body; Newton's method sees inertia and scikit-fem's energy only."""
-
-    disc: Discretisation
-
-    def __post_init__(self) -> None:
-        self._newton = ReferenceNewton(self.disc)
-        self._backend = PlainBackend(self.disc, 1)
-
-    def __call__(self, xhat: Floats, h: float) -> Floats:
-        """argmin |x - xhat|^2_M / (2 h^2) + E(x) over the free vertices [m], shape [n, 3].
-
-        Raises
-        ------
-        SolverError
-            Newton's method has not converged.
-        """
-        result = minimise(self._newton, IncrementalPotential(self._backend, xhat, h), {})
-        if result.outcome is not Outcome.CONVERGED:
-            raise SolverError(f"Newton's method has not converged in {result.iteration} iterations")
-        return result.x
+def step_minimiser(mesh: TetMesh, material: Material, constrained: NDArray[np.int64]) -> StepMinimiser:
+    """Newton's method for the steps of a body."""
+    free = np.ones(len(mesh.points), bool)
+    free[constrained] = False
+    return StepMinimiser(mesh, *material_parameters(material.E, material.nu), lumped_mass(mesh, material.rho), free)
 
 
 def newton_backward_euler() -> SolverUnderTest:
@@ -67,23 +50,26 @@ def newton_bdf2() -> SolverUnderTest:
 class _Steps:
     """A rule of stepping, with the minimiser of the body that it was last asked about."""
 
-    rule: Callable[[NewtonMinimiser, State, float], State]
-    _built: tuple[tuple[object, ...], NewtonMinimiser] | None = field(default=None, init=False)
+    rule: Callable[[StepMinimiser, State, float], State]
+    _built: tuple[tuple[object, ...], StepMinimiser] | None = field(default=None, init=False)
 
     def __call__(self, mesh: TetMesh, material: Material, state: State, h: float) -> State:
         key = (mesh, material, state.constrained.tobytes())
         if self._built is None or self._built[0] != key:
-            self._built = (key, NewtonMinimiser(discretised(mesh, material, state.constrained)))
-        return self.rule(self._built[1], state, h)
+            self._built = (key, step_minimiser(mesh, material, state.constrained))
+        try:
+            return self.rule(self._built[1], state, h)
+        except ArithmeticError as failed:
+            raise SolverError(str(failed)) from failed
 
 
-def _backward_euler(minimise: NewtonMinimiser, state: State, h: float) -> State:
+def _backward_euler(minimise: StepMinimiser, state: State, h: float) -> State:
     xhat = _held(state, state.x + h * state.v + h * h * state.gravity)
     x = minimise(xhat, h)
     return replace(state, x=x, v=(x - state.x) / h)
 
 
-def _bdf2(minimise: NewtonMinimiser, state: State, h: float) -> State:
+def _bdf2(minimise: StepMinimiser, state: State, h: float) -> State:
     memory = {"x": state.x, "v": state.v}
     if not state.memory:
         return replace(_backward_euler(minimise, state, h), memory=memory)
