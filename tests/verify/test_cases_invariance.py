@@ -53,6 +53,11 @@ class FaultyUse(Use):
         return Faulty(super().backend(disc, precision), self.fault)
 
 
+def blurred(x, g):
+    """Errors that grow with the distance four times as fast as those of float32."""
+    return g + 1e-4 * np.abs(x).max() * np.abs(g).max()
+
+
 def anisotropic(x, g):
     return g * [1.0, 1.0, 1.0002]
 
@@ -71,6 +76,7 @@ def without_last(x, g):
         (anisotropic, "invariance/forces[float32,rabbit,random]"),
         (anisotropic, "invariance/sum-of-moments[float32,rabbit]"),
         (attracted, "invariance/far-away[float32,rabbit]"),
+        (blurred, "invariance/parted-bodies[float32,10m]"),
         (without_last, "invariance/sum-of-forces[float32,rabbit]"),
     ],
 )
