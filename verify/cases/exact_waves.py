@@ -188,11 +188,11 @@ def any_body_verlet(use: Use, *, mesh: str) -> Measurement:
     formula="x = x_0 cos(omega t), omega of the mesh",
     source=_LINEAR,
     tolerance=0.1,
-    reason="the next term of the error at 3ten steps a period",
+    reason="the next term of the error at 320 steps a period",
     over={"method": ("verlet", "backward-euler")},
 )
 def time_order(use: Use, *, method: str) -> Measurement:
-    """Longitudinal wave; sequences of 80, 160 and 3ten steps."""
+    """Longitudinal wave; sequences of 80, 160 and 320 steps."""
     one = standing_wave("longitudinal")
     steps = (80, 160, 320)
     period = 2.0 * math.pi / one.omega
