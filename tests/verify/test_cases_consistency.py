@@ -40,6 +40,17 @@ def test_residuals_that_are_no_numbers_are_red(monkeypatch):
     assert run_row(row, USE).status is Status.FAIL
 
 
+def test_an_error_that_stays_has_a_size(monkeypatch):
+    (row,) = choose("consistency/published-stiffness[beam]")
+    right = consistency.run
+    for rule, factor in {"published": 0.9, "spectral": 1.0, "exact": 1.0, "linear-spectral": np.nan}.items():
+        found = right("beam", rule, 80, USE)
+        wrong = replace(found, displacements=factor * found.displacements)
+        stuck = lambda mesh, rule, *of, wrong=wrong: wrong if rule == "published" else right(mesh, rule, *of)  # noqa: E731
+        monkeypatch.setattr(consistency, "run", stuck)
+        assert run_row(row, USE).status is Status.FAIL
+
+
 def test_the_rules_are_told_apart():
     published = consistency._order("beam", "published", USE, 1.0)
     assert published.error > 0.5

@@ -15,10 +15,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from femgal.solvers.smoother import Relaxation
+from femgal.timestep.backward_euler import BackwardEuler
 from verify.benchmark.trajectory import trajectory_error
 from verify.problems.scenes import Run, hanging, simulation, steps_alone
 from verify.suite.case import Curve, Kind, Measurement, Plot, case
@@ -97,6 +99,37 @@ def consistent_order(use: Use, *, mesh: str, rule: str) -> Measurement:
 def published_steps(use: Use, *, mesh: str) -> Measurement:
     """The note says how far eps18 falls meanwhile."""
     return _with_residuals(_order(mesh, "published", use, 0.0), mesh, "published", use)
+
+
+@case(
+    "consistency/published-stiffness",
+    title="With the published step lengths the body moves as one of half its stiffness or more, and less than its own",
+    quantity="trajectory error at the shortest substep outside of those of bodies of these stiffnesses, as a share",
+    unit="1",
+    kind=Kind.ODE,
+    formula="|x(E s) - x(E)| - e <= error <= |x(E/2) - x(E)| + e, s = 1 - (1 - 1/4)^coarse (1 - 1/2), e of substeps",
+    source=_SOURCE + "; step lengths of Lu et al. 2025, section 7.1",
+    tolerance=0.0,
+    reason="bounds: of the elastic force 1/2 is applied at least, and s at most; e is the error of spectral steps",
+    over={"mesh": MESHES},
+    quick={"mesh": ("beam",)},
+)
+def published_stiffness(use: Use, *, mesh: str) -> Measurement:
+    """How large the error is that stays: the order alone is that of any solver that is stuck."""
+    published = run(mesh, "published", SUBSTEPS[-1], use)
+    share = 1.0 - 0.5 * 0.75 ** coarse_layers(published)
+    found, own = error(published, reference(mesh, use)), reference(mesh, use)
+    least, most = (error(reference(mesh, use, E=one * 1e5), own) for one in (share, 0.5))
+    e = error(run(mesh, "spectral", SUBSTEPS[-1], use), own)
+    outside = float(np.maximum(np.maximum(least - e - found, found - most - e), 0.0)) / most
+    note = f"{least:.3g} of the share {share:.3g}, {most:.3g} of 1/2, e = {e:.2g}"
+    return Measurement(found, most, outside, note)
+
+
+def coarse_layers(run: Run) -> int:
+    """Layers of a run's hierarchy but the finest."""
+    solver = cast(BackwardEuler, run.simulation.stepper).solver
+    return len(cast(Relaxation, solver).layers) - 1
 
 
 @case(

@@ -179,7 +179,7 @@ def turned_noise(use: Use, *, precision: Precision) -> Measurement:
     formula="f(x_1, x_2 + d) = f(x_1, x_2) for bodies that share no vertex",
     source="differences within a block are rounded to float32 after its affine part, which fits one body at best",
     tolerance={"float64": 1e-15, "float32": EPSILON["float32"]},
-    reason="machine epsilon of the distance; in float64 positions are rounded as well. The note says the share of forces",
+    reason="machine epsilon of the distance; in float64 positions are rounded too; the note has the share of forces",
     over={"precision": PRECISIONS, "apart": tuple(_APART)},
 )
 def parted_bodies(use: Use, *, precision: Precision, apart: str) -> Measurement:
