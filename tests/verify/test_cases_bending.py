@@ -5,6 +5,7 @@
 2. lam_Lame in place of lam, and forces that are a hundredth too soft, are noticed.
 3. No other row fails (slow).
 4. Forces five per cent too large, which belong to no energy, turn rows red.
+5. Conjugate gradients that stop too early turn the row of the linear solvers red.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import pytest
 
 from tests.verify.wrong_forces import StrongUse
 from verify.cases import bending
+from verify.reference import statics
 from verify.suite.run import Status, choose, run_row
 from verify.suite.use import Use
 
@@ -63,3 +65,9 @@ def test_wrong_forces_are_noticed(wrong):
 @pytest.mark.parametrize("row", choose("bending/same-elements"), ids=str)
 def test_too_large_forces_are_noticed(row):
     assert run_row(row, StrongUse(threads=1)).status is Status.FAIL
+
+
+def test_loose_conjugate_gradients_are_noticed(monkeypatch):
+    monkeypatch.setattr(statics, "_CG_TOLERANCE", 1e-6)
+    assert bending.linear_solvers(USE, body="cantilever", state="rest").error > 1e-9
+    assert bending.linear_solvers(USE, body="cook", state="bent").error > 1e-9
