@@ -32,7 +32,7 @@ def test_quick_rows_are_there():
     for wave in ("longitudinal", "shear"):
         assert f"exact/wave-verlet[{wave},float32]" in names
         assert f"exact/wave-backward-euler[{wave},fas,float64]" in names
-    assert {"exact/time-order[verlet]", "exact/time-order[backward-euler]", "exact/any-body-verlet[rabbit]"} <= names
+    assert {"exact/time-order[verlet]", "exact/time-order[backward-euler]", "exact/any-body-verlet[box]"} <= names
 
 
 class HeavyUse(Use):

@@ -169,6 +169,7 @@ def any_body_backward_euler(use: Use, *, mesh: str) -> Measurement:
     tolerance=1e-11,
     reason="rounding of forces and of the dense modes, over ten steps near the stability limit",
     over={"mesh": ("box", "rabbit")},
+    quick={"mesh": ("box",)},
 )
 def any_body_verlet(use: Use, *, mesh: str) -> Measurement:
     """Sum over modes of a body of varied material."""
