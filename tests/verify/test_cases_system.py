@@ -4,7 +4,9 @@
 1. No quick row fails, and each question is asked.
 2. They notice: a softer material, energies that leave something out, a frame that remembers a failed attempt, a
    resumed run that has forgotten, threads that count.
-3. Without the mesh, or on a device that has no simulation, a row is skipped and says why.
+3. Ranges are shared out in the row about threads, and a row that shares nothing is red. A user's Ctrl-C is not
+   swallowed by the row that presses its own.
+4. Without the mesh, or on a device that has no simulation, a row is skipped and says why.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy as np
 import pytest
 
 from femgal import runner
+from femgal.kernels.cpu import threads
 from verify.cases import system
 from verify.problems.scenes import hanging, simulation
 from verify.suite.case import Row
@@ -94,6 +97,24 @@ def test_threads_that_count_are_noticed(monkeypatch):
         return sim
 
     failing(monkeypatch, "simulation", counting, row("threads", solver="verlet", threads=2, precision="float64"))
+
+
+def test_threads_that_share_nothing_are_noticed(monkeypatch):
+    before = threads.SMALLEST_SHARE
+    monkeypatch.setattr(system, "simulation", lambda scene, use, n=None: simulation(scene, use, 1))
+    result = run_row(row("threads", solver="verlet", threads=2, precision="float64"), USE)
+    assert result.status is Status.FAIL
+    assert "no pass was shared" in result.note
+    assert before == threads.SMALLEST_SHARE
+
+
+def test_ctrl_c_of_the_user_goes_through(monkeypatch):
+    def pressed(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(system, "run_scene", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        run_row(row("resume", solver="verlet"), USE)
 
 
 def test_rows_are_skipped_where_they_cannot_run(monkeypatch):
