@@ -35,6 +35,8 @@ _REST = "femgal/kernels/cpu/rest.py"
 _LAYER = "femgal/hierarchy/layer.py"
 _MOTION = "femgal/kernels/cpu/motion.py"
 
+_FORCES = "P, _ = stress_and_cofactor(_displacement_gradient(points, l, B, A), "
+
 BUGS = (
     Bug(
         "lam_Lame in place of lam",
@@ -304,5 +306,26 @@ BUGS = (
         "for name, array in self.state.memory.items()}",
         "for name, array in ()}",
         "system/resume",
+    ),
+    Bug(
+        "forces 5 % too large",
+        _TILE,
+        _FORCES + "mu, lam)",
+        _FORCES + "mu * 1.05, lam * 1.05)",
+        "manufactured/h1-order[uniform manufactured/error[h1,uniform exact/hanging-bar",
+    ),
+    Bug(
+        "lam 5 % too small in the forces",
+        _TILE,
+        _FORCES + "mu, lam)",
+        _FORCES + "mu, lam * 0.95)",
+        "bending/same-elements[cook,float64 bending/same-elements[cantilever,float64",
+    ),
+    Bug(
+        "one lane of a block too soft",
+        _TILE,
+        _FORCES + "mu, lam)",
+        _FORCES + "mu * (1.0 if l else 0.99), lam)",
+        "patch/interior-forces[float64,sheared,box patch/newton[sheared,box",
     ),
 )
