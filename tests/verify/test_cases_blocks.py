@@ -3,7 +3,8 @@
 
 1. Every quick row passes, and all hierarchies, meshes and precisions that the quick suite promises are among them.
 2. One wrong entry of one block, gradient, product or correction is noticed, in either precision.
-3. An element that is left out although a node deforms it is counted.
+3. An element that is left out although a node deforms it is counted; where none is left out the row is skipped, and
+   it notices a wrong pass.
 """
 
 from __future__ import annotations
@@ -68,6 +69,20 @@ def test_one_wrong_entry_is_noticed(measure, precision):
     for one, fails in ((right, False), (wrong, True)):
         found = measure(one, assembled(disc, "random"), right.vertices)
         assert (max(part.error for part in found.values()) > tolerance) == fails
+
+
+def test_left_out_elements(monkeypatch):
+    (row,) = choose("blocks/left-out-elements[clusters-8,rabbit]")
+    backend = Use.backend
+    with monkeypatch.context() as context:
+        context.setattr(Use, "backend", lambda *args: Wrong(backend(*args), 1e-9))
+        result = run_row(row, USE)
+    assert result.status is Status.FAIL
+    assert "without them" in result.note
+    everything = np.arange(body("rabbit").n_tets, dtype=np.int32)
+    whole = lambda *args: tuple(replace(layer, active=everything) for layer in layers(*args))  # noqa: E731
+    monkeypatch.setattr(blocks, "layers", whole)
+    assert run_row(row, USE).status is Status.SKIP
 
 
 def test_missing_element_is_counted(monkeypatch):
