@@ -27,7 +27,7 @@ from verify.suite.run import Status
 
 SOLVER_FILE = """
 from dataclasses import replace
-import helper_of_mine
+import part_of_mine
 
 def step(mesh, material, state, h):
     return replace(state, x=state.x + h * state.v)
@@ -189,7 +189,7 @@ def test_arrays_may_be_overwritten():
 
 def test_a_solver_is_found_by_file_and_by_module(tmp_path, monkeypatch):
     (tmp_path / "solver_of_mine.py").write_text(SOLVER_FILE)
-    (tmp_path / "helper_of_mine.py").write_text("")
+    (tmp_path / "part_of_mine.py").write_text("")
     by_file = load_solver(f"{tmp_path / 'solver_of_mine.py'}:step")
     assert (by_file.name, by_file.method, by_file.order) == ("step", None, 1)
     monkeypatch.chdir(tmp_path)
