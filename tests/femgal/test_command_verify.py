@@ -44,9 +44,9 @@ def made_up(monkeypatch):
     def add(name, function, tolerance=1e-6, **more):
         monkeypatch.setattr(verify.suite.case, "_CASES", dict(verify.suite.case._CASES))
         what = {"quantity": "length", "unit": "m", "kind": Kind.IDENTITY, "formula": "1 = 1", "source": "logic"}
-        verify.case.case(f"made-up/{name}", title="One is one", tolerance=tolerance, reason="none", **what, **more)(
-            function
-        )
+        verify.suite.case.case(
+            f"made-up/{name}", title="One is one", tolerance=tolerance, reason="none", **what, **more
+        )(function)
 
     return add
 
