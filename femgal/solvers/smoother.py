@@ -27,7 +27,7 @@ StepRule = Literal["spectral", "exact", "backtracking"] | tuple[float, float]
 
 LINE_SEARCHES: dict[StepRule, LineSearch] = {"exact": first_minimum, "backtracking": backtrack}
 
-# Lanczos' method ends up to 5% below lambda (rows smoothers/largest-eigenvalue of the suite), and lambda grows as the
+# Lanczos' method ends a little below lambda (rows smoothers/largest-eigenvalue of the suite), and lambda grows as the
 # body deforms: what is left below the bound of stability is for both.
 STABLE_SHARE = 0.9
 
