@@ -72,7 +72,7 @@ BUGS = (
         _TENSOR,
         "return F[0] * C[0] + F[1] * C[1] + F[2] * C[2]",
         "return F[0] * C[0] + F[1] * C[1]",
-        "material/uniform-forces[float64 material/volume-ratio[float64",
+        "blocks/vertex-gradients[box,float64",
     ),
     Bug(
         "half of mu I_C lost",
@@ -137,7 +137,7 @@ BUGS = (
         "_above_zero((mu - x, mu - y, mu - z))",
         "eigenvalues/definite-part[float64",
     ),
-    Bug("1/6 of the volume dropped", _REST, "V[e] = det / 6.0", "V[e] = det", "material/uniform-energy[float64"),
+    Bug("1/6 of the volume dropped", _REST, "V[e] = det / 6.0", "V[e] = det", "blocks/vertex-gradients[box,float64"),
     Bug(
         "a fifth of the mass per vertex",
         _REST,
@@ -273,18 +273,11 @@ BUGS = (
         "exact/wave-verlet[longitudinal,float64 dynamics/free-fall[verlet",
     ),
     Bug(
-        "held vertices accelerate",
+        "no second half of the kick",
         _MOTION,
-        "moves = 1.0 if free[i] else 0.0",
-        "moves = 1.0",
-        "dynamics/constrained[verlet dynamics/rest[verlet",
-    ),
-    Bug(
-        "momentum of free bodies not restored",
-        "femgal/solvers/smoother.py",
-        "        if self.free_parts is not None:\n",
-        "        if self.free_parts is None:\n",
-        "dynamics/linear-momentum[fas dynamics/linear-momentum[jacobi",
+        "v[i, c] = growth * (v[i, c] + half * a)",
+        "v[i, c] = growth * v[i, c]",
+        "dynamics/free-fall[verlet",
     ),
     Bug(
         "step lengths twice as long",
