@@ -2,8 +2,8 @@
 """Stable neo-Hookean material of the displacement gradient G = F - I: the same physics with less rounding.
 
 Near rest F is the identity and a little more, so stress and J - 1 of F are small differences of large terms. Written
-in G they are not, which makes single precision usable: without rotation the noise of a stress at a strain of 1e-4 falls
-by a factor of some 60; with rotation G is no longer small and the gain is lost. With
+in G they are not, which makes single precision usable: without rotation the noise of a stress at small strain falls by
+more than a decade; with rotation G is no longer small and the gain is lost. With
 K = cof F - I = tr(G) I - G^T + cof G and j = J - 1 = tr G + tr(cof G) + det G,
 
     Psi = mu (G:G / 2 - tr(cof G) - det G) + lam/2 j^2

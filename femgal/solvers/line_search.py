@@ -8,8 +8,6 @@ t is zero, so the potential never grows. NaN when a coefficient is not finite.
 The first minimum costs no more than backtracking and follows a motion better: a full block-Jacobi step overshoots the
 stiffest modes by more than it corrects them (1 - lambda, where -1/3 is the least that keeps their vibration bounded),
 and backtracking accepts it as long as the others gain more, so that the body trembles until its energy bounds that.
-Pinned bunny, 6,700 vertices, E = 1 MPa, clusters, one cycle per step, 46 steps per frame: trajectory error 28% against
-0.3%, and 1.2 to 6.5 times that of the first minimum in eleven other cases.
 """
 
 from __future__ import annotations

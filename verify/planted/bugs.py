@@ -280,6 +280,13 @@ BUGS = (
         "dynamics/free-fall[verlet",
     ),
     Bug(
+        "momentum of free bodies not restored",
+        "femgal/solvers/smoother.py",
+        "        if self.free_parts is not None:\n",
+        "        if self.free_parts is not None and potential.h < 0.0:\n",
+        "system/free-momentum",
+    ),
+    Bug(
         "step lengths twice as long",
         "femgal/solvers/smoother.py",
         "return np.minimum(2.0 / (1.0 + lambdas), STABLE_SHARE * 4.0 / (3.0 * lambdas))",
