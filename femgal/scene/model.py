@@ -131,6 +131,8 @@ class SolverSettings(Table):
     Attributes
     ----------
     name : ``fas`` (Galerkin multigrid), ``jacobi`` (3x3 block Jacobi), ``scalar-jacobi``, or ``verlet`` (explicit).
+    stepping : How time is stepped: ``backward-euler`` (first order; loses energy, never gains any) or ``bdf2`` (second
+        order: the better one wherever a motion is to be right). Not for ``verlet``.
     substeps : Time steps per frame; the solver's default when left out (``verlet``: from its stable step).
     iterations : Cycles or sweeps per substep.
     tolerance : Stop iterating below this residual eps18 [m] (Lu et al. 2025, Eq. 18); off when left out.
@@ -164,6 +166,7 @@ class SolverSettings(Table):
     """
 
     name: Literal["fas", "jacobi", "scalar-jacobi", "verlet"] = "fas"
+    stepping: Literal["backward-euler", "bdf2"] = "backward-euler"
     substeps: Annotated[Count, Field(le=10_000_000)] | None = None
     iterations: Count = 1
     tolerance: Annotated[Number, Field(gt=0), Unit("m")] | None = None

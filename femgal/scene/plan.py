@@ -172,11 +172,17 @@ def _motion_stages(scene: Scene, world: World, disc: Discretisation) -> list[Sta
     fixed = sum(len(motion.vertices) for motion in world.motions if motion.is_fixed)
     moving = sum(len(motion.vertices) for motion in world.motions if not motion.is_fixed)
     return [
-        Stage("prediction", "substep", True, "xhat = x + h v + h^2 g", int(disc.free.sum())),
+        Stage("prediction", "substep", True, _formula(scene), int(disc.free.sum())),
         Stage("damping", "substep", scene.damping > 0.0, f"alpha = {scene.damping:g} 1/s"),
         Stage("fixed vertices", "substep", fixed > 0, f"{fixed} vertices"),
         Stage("moving vertices", "substep", moving > 0, f"{moving} vertices"),
     ]
+
+
+def _formula(scene: Scene) -> str:
+    if scene.solver.name != "verlet" and scene.solver.stepping == "bdf2":
+        return "BDF2: xhat = y + h_e w + h_e^2 g, h_e = 2h/3, y and w from the last two states"
+    return "xhat = x + h v + h^2 g"
 
 
 def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | None) -> list[Stage]:

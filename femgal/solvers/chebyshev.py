@@ -67,9 +67,9 @@ class Chebyshev:
     solver: Relaxation
     rho: float | Literal["auto"] = "auto"
 
-    def prepare(self, state: MotionState, h: float) -> MotionState:
+    def prepare(self, state: MotionState, potential: IncrementalPotential) -> MotionState:
         """Whatever the solver prepares."""
-        return self.solver.prepare(state, h)
+        return self.solver.prepare(state, potential)
 
     @property
     def searches(self) -> bool:

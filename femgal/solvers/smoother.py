@@ -92,11 +92,10 @@ def step_lengths(
 ) -> Floats:
     """Step length w of each layer, finest first.
 
-    Spectral: w_l = min(2 / (1 + lambda), 0.9 * 4 / (3 lambda)), lambda = lambda_max(D_l^-1 A_l) at the rest state.
+    Spectral: w_l = min(2 / (1 + lambda), 0.9 (1 - T) / lambda), lambda = lambda_max(D_l^-1 A_l) at the rest state.
     lambda -> 1 and so w -> 1 as h -> 0, which makes one pass per step consistent with the equation of motion. The
-    first bound smooths best. The second keeps the motion stable: a step that maps the prediction to x = T xhat gives
-    x_{n+1} = T (2 x_n - x_{n-1}), whose solutions stay bounded for -1/3 <= T <= 1, and on the stiffest modes one
-    sweep has T = 1 - w lambda.
+    first bound smooths best. The second keeps the motion stable: on the stiffest modes one sweep ends at
+    x = (1 - w lambda) xhat, and T is the least such response that the time stepping bears (-1/3 for backward Euler).
     """
     if rule in LINE_SEARCHES:
         return np.full(len(layers), SEARCHED)
@@ -105,7 +104,7 @@ def step_lengths(
         return np.array([fine] + [coarse] * (len(layers) - 1))
     X = potential.backend.disc.mesh.points
     lambdas = np.array([largest_block_jacobi_eigenvalue(potential, layer, X, scalar=scalar) for layer in layers])
-    return np.minimum(2.0 / (1.0 + lambdas), STABLE_SHARE * 4.0 / (3.0 * lambdas))
+    return np.minimum(2.0 / (1.0 + lambdas), STABLE_SHARE * (1.0 - potential.least_response) / lambdas)
 
 
 @dataclass(eq=False)
@@ -136,16 +135,12 @@ class Relaxation(ABC):
 
     scalar: ClassVar[bool] = False
 
-    def prepare(self, state: MotionState, h: float) -> MotionState:
-        """Estimate the step lengths for steps of h seconds, unless the state remembers them.
-
-        Damping is left out: it adds to the inertia, which only lowers lambda.
-        """
+    def prepare(self, state: MotionState, potential: IncrementalPotential) -> MotionState:
+        """Estimate the step lengths for steps of this length, unless the state remembers them."""
         memory = state.memory
-        if "step_lengths" not in memory or memory["step_lengths_for"][0] != h:
-            potential = IncrementalPotential(self.backend, state.x, h)
+        if "step_lengths" not in memory or memory["step_lengths_for"][0] != potential.h:
             w = step_lengths(self.steps, potential, self.layers, scalar=self.scalar)
-            memory = forget(memory) | {"step_lengths": w, "step_lengths_for": np.array([h])}
+            memory = forget(memory) | {"step_lengths": w, "step_lengths_for": np.array([potential.h])}
         return replace(state, memory=memory)
 
     def init(self, potential: IncrementalPotential, memory: dict[str, NDArray]) -> SolverState:

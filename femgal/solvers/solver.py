@@ -72,8 +72,13 @@ class Budget:
 class Solver(Protocol):
     """A minimiser of the incremental potential."""
 
-    def prepare(self, state: MotionState, h: float) -> MotionState:
-        """Whatever depends on the length of the step, put into the state's memory; called before each frame."""
+    def prepare(self, state: MotionState, potential: IncrementalPotential) -> MotionState:
+        """Whatever depends on the length of the step, put into the state's memory; called before each frame.
+
+        Parameters
+        ----------
+        potential : Like those of the steps to come; its prediction is the present state.
+        """
 
     def init(self, potential: IncrementalPotential, memory: dict[str, NDArray]) -> SolverState:
         """First iterate."""

@@ -21,12 +21,15 @@ from femgal.solvers.jacobi import Jacobi, ScalarJacobi
 from femgal.solvers.smoother import LU2025_STEPS, Relaxation, StepRule
 from femgal.solvers.solver import Budget, Solver
 from femgal.timestep.backward_euler import BackwardEuler
+from femgal.timestep.bdf2 import BDF2
 from femgal.timestep.bottleneck import find_bottleneck
+from femgal.timestep.implicit import ImplicitMethod
 from femgal.timestep.mass_scaling import MassScaling, scale_mass
 from femgal.timestep.stable_step import element_stiffness, vertex_stiffness
 from femgal.timestep.state import Motion, TimeStepper
 from femgal.timestep.velocity_verlet import VelocityVerlet
 
+_STEPPINGS: dict[str, type[ImplicitMethod]] = {"backward-euler": BackwardEuler, "bdf2": BDF2}
 _SINGLE_LEVEL: dict[str, type[Jacobi]] = {"jacobi": Jacobi, "scalar-jacobi": ScalarJacobi}
 
 
@@ -41,7 +44,7 @@ def build_stepper(
         return VelocityVerlet(backend, gravity, damping, motions, settings.safety, settings.substeps)
     solver = _build_solver(settings, plan, backend, hierarchy)
     assert plan.substeps is not None
-    return BackwardEuler(backend, solver, plan.substeps, gravity, damping, motions)
+    return _STEPPINGS[settings.stepping](backend, solver, plan.substeps, gravity, damping, motions)
 
 
 def prepare_mass(

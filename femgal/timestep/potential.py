@@ -25,9 +25,11 @@ class IncrementalPotential:
     ----------
     backend : Element passes.
     xhat : Prediction of the free vertices, prescribed positions of the others [m], shape [n, 3].
-    h : Time step [s].
+    h : Time step [s]; of a multistep formula the effective one, h_e (`femgal.timestep.implicit`).
     inertia : 1 + alpha h.
     x_n : State before the step with the constrained vertices where they have to be after it [m]; None when unknown.
+    least_response : Least T for which steps that always end at x = T xhat, as one sweep does on the stiffest modes,
+        make a bounded motion.
     """
 
     backend: Backend
@@ -35,6 +37,7 @@ class IncrementalPotential:
     h: float
     inertia: float = 1.0
     x_n: Floats | None = None
+    least_response: float = -1.0 / 3.0
 
     @property
     def inverse_h2(self) -> float:

@@ -44,7 +44,9 @@ H = 1.0 / 100.0
 
 def ready(solver, h: float = H):
     """The solver and the memory that its `prepare` leaves."""
-    return solver, solver.prepare(MotionState(0.0, X, np.zeros_like(X)), h).memory
+    return solver, solver.prepare(
+        MotionState(0.0, X, np.zeros_like(X)), IncrementalPotential(getattr(solver, "solver", solver).backend, X, h)
+    ).memory
 
 
 def polynomial(k: int, rho: float, mu: np.ndarray) -> np.ndarray:

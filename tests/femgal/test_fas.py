@@ -53,7 +53,7 @@ MINIMISER = minimise(ReferenceNewton(DISC), PHI, {}).x
 
 def ready(solver, phi: IncrementalPotential):
     """The solver and the memory that its `prepare` leaves."""
-    return solver, solver.prepare(MotionState(0.0, X, np.zeros_like(X)), phi.h).memory
+    return solver, solver.prepare(MotionState(0.0, X, np.zeros_like(X)), phi).memory
 
 
 def error(x: np.ndarray) -> float:

@@ -193,7 +193,7 @@ def gaps(layers, potential: IncrementalPotential, lowest: float, cycles: int) ->
     disc = potential.backend.disc
     solver = FAS(potential.backend, layers, "exact")
     rest = MotionState(0.0, disc.mesh.points, np.zeros_like(disc.mesh.points))
-    state = solver.init(potential, solver.prepare(rest, potential.h).memory)
+    state = solver.init(potential, solver.prepare(rest, potential).memory)
     values = [potential.value(state.x)]
     for _ in range(cycles):
         state = solver.step(potential, state)

@@ -46,7 +46,7 @@ def potential(xhat: np.ndarray, h: float, x_n: np.ndarray | None = None) -> Incr
 def ready(name: str, phi: IncrementalPotential, rule="spectral", budget: Budget | None = None):
     """A solver and the memory that its `prepare` leaves."""
     solver = SOLVERS[name](phi.backend, LAYERS, rule, budget or Budget())
-    state = solver.prepare(MotionState(0.0, X, np.zeros_like(X)), phi.h)
+    state = solver.prepare(MotionState(0.0, X, np.zeros_like(X)), phi)
     return solver, state.memory
 
 
@@ -183,12 +183,13 @@ def test_divergence_is_an_outcome():
 
 def test_step_lengths_are_remembered():
     solver = FAS(CpuBackend(DISC, 1), LAYERS)
-    first = solver.prepare(MotionState(0.0, X, np.zeros_like(X)), 1e-3)
+    short, long = (IncrementalPotential(solver.backend, X, h) for h in (1e-3, 1e-2))
+    first = solver.prepare(MotionState(0.0, X, np.zeros_like(X)), short)
     spent = solver.backend.passes.total
     assert spent > 0
-    assert solver.prepare(first, 1e-3).memory["step_lengths"] is first.memory["step_lengths"]
+    assert solver.prepare(first, short).memory["step_lengths"] is first.memory["step_lengths"]
     assert solver.backend.passes.total == spent
-    longer = solver.prepare(first, 1e-2)
+    longer = solver.prepare(first, long)
     assert (longer.memory["step_lengths"] < first.memory["step_lengths"]).all()
 
 

@@ -97,5 +97,5 @@ def _substeps(backend: Backend, body: BenchmarkBody) -> Iterator[Pass]:
     for name, rule in SUBSTEPS.items():
         solver = FAS(backend, body.hierarchy.layers, rule)
         stepper = BackwardEuler(backend, solver, 50, GRAVITY, motions=body.motions)
-        state = solver.prepare(stepper.init(body.x, body.v), H)
+        state, _ = stepper.begin_frame(stepper.init(body.x, body.v), 50 * H)
         yield Pass(name, body.disc.n_tets, None, partial(stepper.step, state, H))

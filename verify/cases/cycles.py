@@ -270,13 +270,13 @@ def sequence(disc: Discretisation, name: str) -> tuple[int, ...]:
 def step_lengths(solver: Solver, phi: IncrementalPotential) -> Floats:
     """Step lengths that a solver has estimated for a potential, finest layer first."""
     X = phi.backend.disc.mesh.points
-    return solver.prepare(MotionState(0.0, X, np.zeros_like(X)), phi.h).memory["step_lengths"]
+    return solver.prepare(MotionState(0.0, X, np.zeros_like(X)), phi).memory["step_lengths"]
 
 
 def started(solver: Solver, phi: IncrementalPotential, x: Floats) -> SolverState:
     """A solver's state at x, its step lengths estimated."""
     X = phi.backend.disc.mesh.points
-    state = solver.init(phi, solver.prepare(MotionState(0.0, X, np.zeros_like(X)), phi.h).memory)
+    state = solver.init(phi, solver.prepare(MotionState(0.0, X, np.zeros_like(X)), phi).memory)
     state.x = x.copy()
     return state
 

@@ -151,7 +151,7 @@ def _solved(use: Use, name: str, map: str, mesh: str, precision: Precision, stop
     target = affine(disc, map)
     potential = IncrementalPotential(backend, target, h)
     solver = _solver(name, backend, Budget(4000, stop))
-    state = solver.init(potential, solver.prepare(MotionState(0.0, target, np.zeros_like(target)), h).memory)
+    state = solver.init(potential, solver.prepare(MotionState(0.0, target, np.zeros_like(target)), potential).memory)
     state.x[:] = displaced(disc, map, 0.2)
     while (outcome := solver.finished(potential, state)) is None:
         state = solver.step(potential, state)

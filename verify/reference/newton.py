@@ -120,7 +120,7 @@ class ReferenceNewton:
         )
         self.elasticity = self._newton.elasticity
 
-    def prepare(self, state: MotionState, h: float) -> MotionState:
+    def prepare(self, state: MotionState, potential: IncrementalPotential) -> MotionState:
         """Nothing depends on the length of the step."""
         return state
 
