@@ -98,8 +98,8 @@ class Backend(Protocol):
         What `gradient_and_blocks` and `solve` give, without keeping g and H.
         """
 
-    def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float) -> Floats:
-        """P^T (d2 phi)(x) d [N], shape [k, 3], for a d that the layer's nodes make."""
+    def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float, *, definite: bool = False) -> Floats:
+        """P^T (d2 phi)(x) d [N], shape [k, 3]; `definite` as in `hessian_product`, on the finest layer only."""
 
     def energies(self, x: Floats) -> tuple[Floats, Floats]:
         """Elastic energy [J] and volume ratio J of each tetrahedron, both shape [m]."""

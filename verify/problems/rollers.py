@@ -41,8 +41,8 @@ class _Rollers:
     def nodal_gradient(self, layer: Layer, x: Floats, xhat: Floats, inverse_h2: float) -> Floats:
         return self._moves * self._backend.nodal_gradient(layer, x, xhat, inverse_h2)
 
-    def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float) -> Floats:
-        return self._moves * self._backend.nodal_product(layer, x, d, inverse_h2)
+    def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float, *, definite: bool = False) -> Floats:
+        return self._moves * self._backend.nodal_product(layer, x, d, inverse_h2, definite=definite)
 
     def gradient_and_blocks(self, layer: Layer, x: Floats, xhat: Floats, inverse_h2: float) -> tuple[Floats, Floats]:
         g, H = self._backend.gradient_and_blocks(layer, x, xhat, inverse_h2)

@@ -70,10 +70,12 @@ class CpuBackend(NodeWork):
         finest = passes.vertex_definite_products if definite else passes.vertex_products
         return self._at_free_vertices(self._vectors(self.vertices, (finest, passes.pair_products), x, d))
 
-    def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float) -> Floats:
-        """P^T (d2 phi)(x) d [N], shape [k, 3]."""
+    def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float, *, definite: bool = False) -> Floats:
+        """P^T (d2 phi)(x) d, or with the definite part, [N], shape [k, 3]."""
+        assert layer is self.vertices or not definite
         self.passes.hessian_product += self._pass_share(layer)
-        out = self._vectors(layer, (passes.vertex_products, passes.pair_products), x, d)
+        finest = passes.vertex_definite_products if definite else passes.vertex_products
+        out = self._vectors(layer, (finest, passes.pair_products), x, d)
         arguments = (*_children(layer), self.disc.mass, d, inverse_h2, out)
         self.workers.run_ragged(nodes.inertia, layer.child_ptr, *arguments)
         return out

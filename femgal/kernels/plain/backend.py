@@ -52,10 +52,11 @@ class PlainBackend(NodeWork):
         self.passes.gradient += self._pass_share(layer)
         return self._add_inertia(layer, self._stress_forces(layer, x), x - xhat, inverse_h2)
 
-    def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float) -> Floats:
-        """P^T (d2 phi)(x) d [N], shape [k, 3]."""
+    def nodal_product(self, layer: Layer, x: Floats, d: Floats, inverse_h2: float, *, definite: bool = False) -> Floats:
+        """P^T (d2 phi)(x) d, or with the definite part, [N], shape [k, 3]."""
         self.passes.hessian_product += self._pass_share(layer)
-        return self._add_inertia(layer, self._products(layer, x, d, elements.stress_increments), d, inverse_h2)
+        increments = elements.definite_stress_increments if definite else elements.stress_increments
+        return self._add_inertia(layer, self._products(layer, x, d, increments), d, inverse_h2)
 
     def gradient_and_blocks(self, layer: Layer, x: Floats, xhat: Floats, inverse_h2: float) -> tuple[Floats, Floats]:
         """Gradient and diagonal 3x3 blocks of phi at the nodes of a layer: shapes [k, 3] and [k, 6]."""

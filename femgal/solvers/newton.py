@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Inexact Newton with matrix-free products: `newton-multigrid`.
+
+Each iteration solves A d = -g, A = d2 phi(x), by conjugate gradients (`femgal.solvers.pcg`) to a share of the residual
+that the step began with, and goes along d to the first minimum of phi. phi(x + t d) is a polynomial of degree 6 whose
+coefficients cost one energy pass, so the line search is exact, and the polynomial tells how nonlinear the step was:
+
+    nu = |sum_{k >= 3} k c_k t^(k-1)| / |c_1|
+
+is the share of the slope along d that Newton's model of phi does not know of. Where both the linear residual and nu are
+below the reduction asked for, the step is done with one Newton iteration; else the next one begins with the residual
+itself and stops there if that is small enough.
+
+Residuals are measured by sqrt(g . M^-1 g), M the preconditioner: the square is twice the fall of phi that a step with M
+promises [J].
+
+Where conjugate gradients meet negative curvature they begin again with the positive semi-definite part of every
+element's Hessian (Smith et al. 2019). A direction that was found without meeting it is one of descent whatever A is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.kernels.backend import Backend
+from femgal.solvers.line_search import first_minimum
+from femgal.solvers.pcg import Solution, solve
+from femgal.solvers.preconditioner import Preconditioner
+from femgal.solvers.solver import Budget, Outcome, SolverState
+from femgal.timestep.potential import IncrementalPotential
+from femgal.timestep.state import MotionState
+
+Floats = NDArray[np.float64]
+
+# The linear system need not be solved better than Newton's model is good: at most this share per Newton iteration.
+LEAST_REDUCTION = 1e-3
+
+# Conjugate gradients that take so many iterations more than just after the last refresh ask for a new one.
+MOST_EXTRA = 2
+
+
+@dataclass(eq=False)
+class NewtonState(SolverState):
+    """An iterate and how far it has come.
+
+    Parameters
+    ----------
+    start : Residual at the first iterate [sqrt(J)].
+    left : Residual at x over `start`: measured, or estimated from the last linear solve and nu.
+    measured : Whether `left` was measured at x.
+    products : Products with A so far.
+    """
+
+    start: float = 0.0
+    left: float = math.inf
+    measured: bool = False
+    products: int = 0
+
+
+@dataclass(eq=False)
+class Newton:
+    """Minimises phi by inexact Newton steps.
+
+    Parameters
+    ----------
+    backend : Element passes.
+    preconditioner : Of the linear systems.
+    budget : Newton iterations at most, and an absolute tolerance where one is asked for.
+    reduction : Converged when the residual has fallen to this share of that at the start of the step.
+    linear_iterations : Conjugate gradient iterations of one Newton iteration, at most.
+    """
+
+    backend: Backend
+    preconditioner: Preconditioner
+    budget: Budget = field(default_factory=lambda: Budget(20))
+    reduction: float = 0.05
+    linear_iterations: int = 500
+    _fresh: bool = field(default=False, init=False, repr=False)
+    _usual: int | None = field(default=None, init=False, repr=False)
+
+    def prepare(self, state: MotionState, potential: IncrementalPotential) -> MotionState:
+        """A preconditioner is never older than its frame: what is not in a checkpoint must not change a motion."""
+        self._fresh = False
+        return state
+
+    def init(self, potential: IncrementalPotential, memory: dict[str, NDArray]) -> NewtonState:
+        """Start where phi is least on the line from x_n to the prediction."""
+        if potential.x_n is None:
+            return NewtonState(potential.xhat.copy())
+        x, d = potential.x_n.copy(), self.backend.difference(potential.xhat, potential.x_n)
+        self.backend.add_scaled(x, first_minimum(potential.along(self.backend.vertices, x, d)), d)
+        return NewtonState(x)
+
+    def step(self, potential: IncrementalPotential, state: SolverState) -> NewtonState:
+        """One Newton iteration, or none where the residual turns out to be small enough."""
+        assert isinstance(state, NewtonState)
+        backend, x = self.backend, state.x
+        g = backend.nodal_gradient(backend.vertices, x, potential.xhat, potential.inverse_h2)
+        self.preconditioner.refresh(potential, x, reuse=self._fresh)
+        # The share of the residual here that is wanted, known from the second iteration on.
+        solution = self._solve(potential, x, g, self.reduction if state.start == 0.0 else None, state)
+        start = state.start or solution.start
+        if solution.iterations == 0:
+            left = 0.0 if start == 0.0 else solution.start / start
+            return NewtonState(x, state.iteration + 1, (0.0,), start=start, left=left, measured=True)
+        self._judge(solution.iterations)
+        d = np.zeros_like(x)
+        backend.prolong(backend.vertices, solution.d, d)
+        coefficients = potential.along(backend.vertices, x, d)
+        coefficients[0] = backend.dot(g, solution.d)
+        t = first_minimum(coefficients)
+        backend.add_scaled(x, t, d)
+        left = solution.start / start * math.hypot(solution.reduction, nonlinearity(coefficients, t))
+        moved = t * backend.largest(solution.d)
+        return NewtonState(
+            x, state.iteration + 1, (moved,), start=start, left=left, products=state.products + solution.iterations
+        )
+
+    def _solve(
+        self, potential: IncrementalPotential, x: Floats, g: Floats, reduction: float | None, state: NewtonState
+    ) -> Solution:
+        """Conjugate gradients on A d = -g, with the definite part of A where that turns out to be needed."""
+        backend = self.backend
+        b = backend.difference(np.zeros_like(g), g)
+        if reduction is None:
+            now = math.sqrt(max(0.0, backend.dot(b, self.preconditioner.apply(b))))
+            if now <= self.reduction * state.start:
+                return Solution(np.zeros_like(b), 0, now, 1.0)
+            # A little more than what is missing: the model is better now than at the start.
+            reduction = min(0.5, 0.5 * self.reduction * state.start / now)
+        reduction = max(LEAST_REDUCTION, reduction)
+        for definite in (False, True):
+            solution = solve(
+                backend,
+                lambda p, definite=definite: self._product(potential, x, p, definite=definite),  # type: ignore[misc]
+                self.preconditioner.apply,
+                b,
+                reduction,
+                self.linear_iterations,
+            )
+            if solution.curvature:
+                break
+        return solution
+
+    def _product(self, potential: IncrementalPotential, x: Floats, p: Floats, *, definite: bool) -> Floats:
+        d = np.zeros_like(x)
+        self.backend.prolong(self.backend.vertices, p, d)
+        return self.backend.nodal_product(self.backend.vertices, x, d, potential.inverse_h2, definite=definite)
+
+    def _judge(self, iterations: int) -> None:
+        """Keep the preconditioner for as long as it needs few more iterations than when it was new."""
+        if not self._fresh:
+            self._usual, self._fresh = iterations, True
+        elif self._usual is not None and iterations > self._usual + MOST_EXTRA:
+            self._fresh = False
+
+    def finished(self, potential: IncrementalPotential, state: SolverState) -> Outcome | None:
+        """The reason to stop, or None to go on."""
+        assert isinstance(state, NewtonState)
+        if state.iteration == 0:
+            return None
+        if not np.isfinite(state.corrections).all() or not math.isfinite(state.left):
+            return Outcome.DIVERGED
+        if self.budget.tolerance is not None:
+            return self.budget.outcome(potential, state)
+        if state.left <= self.reduction:
+            return Outcome.CONVERGED
+        return Outcome.NOT_CONVERGED if state.iteration >= self.budget.iterations else None
+
+    def conclude(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
+        """Nothing to remember."""
+        return state
+
+
+def nonlinearity(coefficients: Floats, t: float) -> float:
+    """nu of a step of length t along a direction with these coefficients of phi; 0 where phi is quadratic."""
+    slope = abs(float(coefficients[0]))
+    if slope == 0.0:
+        return 0.0
+    k = np.arange(3, len(coefficients) + 1)
+    return abs(float((k * coefficients[2:] * t ** (k - 1)).sum())) / slope

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What a preconditioner of Newton's linear systems offers, and the two that are made of diagonal blocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.hierarchy.layer import Layer
+from femgal.timestep.potential import IncrementalPotential
+
+Floats = NDArray[np.float64]
+
+
+class Preconditioner(Protocol):
+    """z = M^-1 r near A^-1 r for A = d2 phi(x); symmetric and positive definite for as long as it is not refreshed."""
+
+    def refresh(self, potential: IncrementalPotential, x: Floats, *, reuse: bool = False) -> None:
+        """Make ready for A at x.
+
+        Parameters
+        ----------
+        potential : phi; its `inverse_h2` is the factor of the mass in A.
+        x : Positions [m], shape [n, 3].
+        reuse : What was made at other positions will do.
+        """
+
+    def apply(self, r: Floats) -> Floats:
+        """z [m] for a residual r [N], rows of the free vertices, both shape [k, 3]."""
+
+
+@dataclass(eq=False)
+class LayerBlocks:
+    """z = sum over the layers of P_l D_l^-1 P_l^T r, D_l the diagonal blocks of P_l^T A P_l.
+
+    Multilevel diagonal scaling (Zhang 1992): additive, so all layers see the same residual and no step lengths are
+    needed. With the finest layer alone it is block Jacobi.
+
+    Parameters
+    ----------
+    layers : Layers, finest first.
+    """
+
+    layers: tuple[Layer, ...]
+    _H: list[Floats] = field(default_factory=list, init=False, repr=False)
+    _potential: IncrementalPotential | None = field(default=None, init=False, repr=False)
+
+    def refresh(self, potential: IncrementalPotential, x: Floats, *, reuse: bool = False) -> None:
+        """Blocks of all layers at x."""
+        if reuse and self._H:
+            return
+        backend, weight = potential.backend, potential.inverse_h2
+        self._potential = potential
+        self._H = [backend.gradient_and_blocks(layer, x, x, weight)[1] for layer in self.layers]
+
+    def apply(self, r: Floats) -> Floats:
+        """The sum of all layers' corrections."""
+        assert self._potential is not None
+        backend = self._potential.backend
+        z = backend.solve(r, self._H[0], -1.0)
+        if len(self.layers) == 1:
+            return z
+        finest, f = self.layers[0], np.zeros_like(self._potential.xhat)
+        backend.prolong(finest, r, f)
+        total = np.zeros_like(f)
+        for layer, H in zip(self.layers[1:], self._H[1:], strict=True):
+            backend.prolong(layer, backend.solve(backend.restrict(layer, f), H, -1.0), total)
+        backend.add_scaled(z, 1.0, backend.restrict(finest, total))
+        return z
