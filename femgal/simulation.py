@@ -22,7 +22,7 @@ from femgal.kernels.backend import Backend, Passes
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.scene.build import World, build_world
 from femgal.scene.model import Scene, SolverSettings
-from femgal.scene.plan import Plan, make_plan
+from femgal.scene.plan import Plan, make_plan, needs_hierarchy
 from femgal.solvers.blocks import with_blocks_to_use
 from femgal.timestep.build import build_stepper, prepare_mass
 from femgal.timestep.mass_scaling import MassScaling
@@ -142,7 +142,7 @@ class Simulation:
         disc, scaling, warnings = prepare_mass(scene.solver, disc)
         world = replace(world, warnings=(*world.warnings, *warnings))
         hierarchy = None
-        if scene.solver.name == "fas":
+        if needs_hierarchy(scene.solver):
             announce("building the hierarchy")
             hierarchy = _build_hierarchy(disc, scene.solver)
         plan = make_plan(scene, world, disc, hierarchy, scaling)

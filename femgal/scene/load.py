@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from femgal.scene import builtin
-from femgal.scene.model import Scene
+from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.overrides import apply_override
 from femgal.scene.problems import Problem, SceneError, scene_error
 
@@ -33,7 +33,8 @@ def load_scene(
     name_or_path : Name of a built-in scene (see `femgal.scene.builtin`), or path of a TOML file.
     vertices : Number of vertices of *every* body, in place of what the scene says.
     frames : Number of frames, in place of what the scene says.
-    overrides : Dotted keys and values set before validation: ``{"bodies.0.rho": 1.0, "solver.name": "jacobi"}``.
+    overrides : Dotted keys and values set before validation: ``{"bodies.0.rho": 1.0, "solver.name": "jacobi"}``. With
+        the name of another solver, what the scene says of its own solver is left out, but for threads and precision.
 
     Raises
     ------
@@ -71,6 +72,7 @@ def parse_scene(
     """
     data = _parse_toml(text, source)
     data.setdefault("name", Path(source).stem)
+    _forget_other_solver(data, overrides or {})
     for key, value in (overrides or {}).items():
         apply_override(data, key, value, source)
     _prepare_bodies(data.get("bodies"), vertices, folder)
@@ -78,6 +80,13 @@ def parse_scene(
         return Scene.model_validate(data)
     except ValidationError as error:
         raise scene_error(error, Scene, source) from None
+
+
+def _forget_other_solver(data: dict[str, Any], overrides: Mapping[str, object]) -> None:
+    """Substeps, step lengths and the like of one solver make no sense for another."""
+    table, name = data.get("solver"), overrides.get("solver.name")
+    if isinstance(table, dict) and name is not None and name != table.get("name", SolverSettings().name):
+        data["solver"] = {key: value for key, value in table.items() if key in ("threads", "precision")}
 
 
 def _read(name_or_path: str | Path) -> tuple[str, str, Path | None]:

@@ -125,16 +125,28 @@ class Constraint(Table):
     rotation: Rotation | None = None
 
 
+# Where these keys of the solver table are left out with newton-multigrid.
+NEWTON_DEFAULTS = {"stepping": "bdf2", "iterations": 20}
+
+
 class SolverSettings(Table):
     """How the scene is solved.
 
     Attributes
     ----------
-    name : ``fas`` (Galerkin multigrid), ``jacobi`` (3x3 block Jacobi), ``scalar-jacobi``, or ``verlet`` (explicit).
+    name : ``fas`` (Galerkin multigrid), ``newton-multigrid`` (Newton's method with conjugate gradients: accurate and
+        robust), ``jacobi`` (3x3 block Jacobi), ``scalar-jacobi``, or ``verlet`` (explicit).
     stepping : How time is stepped: ``backward-euler`` (first order; loses energy, never gains any) or ``bdf2`` (second
-        order: the better one wherever a motion is to be right). Not for ``verlet``.
+        order: the better one wherever a motion is to be right, and the default of ``newton-multigrid``). Not for
+        ``verlet``.
     substeps : Time steps per frame; the solver's default when left out (``verlet``: from its stable step).
-    iterations : Cycles or sweeps per substep.
+    iterations : Cycles or sweeps per substep; of ``newton-multigrid`` at most so many Newton iterations, 20 when left
+        out.
+    reduction : ``newton-multigrid`` solves each step until its residual has fallen to this share.
+    linear_iterations : ``newton-multigrid`` makes at most so many iterations of conjugate gradients per Newton
+        iteration.
+    preconditioner : Of these conjugate gradients: ``layers`` (the 3x3 blocks of all layers, added up), ``cycle`` (the
+        layers one after the other, down and up) or ``blocks`` (of the vertices alone: block Jacobi).
     tolerance : Stop iterating below this residual eps18 [m] (Lu et al. 2025, Eq. 18); off when left out.
     transfer : ``constant`` (coarse nodes are clusters of vertices) or ``linear`` (corners of coarse tetrahedra, whose
         motion is interpolated). A linear cycle costs about twice as much; for stiff bodies and long steps it leaves a
@@ -165,10 +177,13 @@ class SolverSettings(Table):
     threads : CPU threads; all when left out.
     """
 
-    name: Literal["fas", "jacobi", "scalar-jacobi", "verlet"] = "fas"
+    name: Literal["fas", "newton-multigrid", "jacobi", "scalar-jacobi", "verlet"] = "fas"
     stepping: Literal["backward-euler", "bdf2"] = "backward-euler"
     substeps: Annotated[Count, Field(le=10_000_000)] | None = None
     iterations: Count = 1
+    reduction: Annotated[Number, Field(gt=0, lt=1)] = 0.05
+    linear_iterations: Count = 500
+    preconditioner: Literal["layers", "cycle", "blocks"] = "layers"
     tolerance: Annotated[Number, Field(gt=0), Unit("m")] | None = None
     transfer: Literal["constant", "linear"] = "constant"
     ratio: Annotated[Count, Field(ge=2)] = 32
@@ -183,6 +198,14 @@ class SolverSettings(Table):
     blocks: Literal["auto", "fresh"] = "auto"
     precision: Literal["float32", "float64"] = "float64"
     threads: Count | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults_of_newton(cls, data: Any) -> Any:
+        """Fill in what Newton's method does unless asked for something else."""
+        if isinstance(data, dict) and data.get("name") == "newton-multigrid":
+            return NEWTON_DEFAULTS | data
+        return data
 
     @model_validator(mode="before")
     @classmethod
@@ -229,16 +252,17 @@ class SolverSettings(Table):
 
     @model_validator(mode="after")
     def _chebyshev_extrapolates_iterations(self) -> Self:
-        if self.chebyshev is None or (self.name != "verlet" and self.iterations > 1):
+        extrapolates = self.name not in ("verlet", "newton-multigrid")
+        if self.chebyshev is None or (extrapolates and self.iterations > 1):
             return self
-        explicit = self.name == "verlet"
         context = {
             "key": "solver.chebyshev",
             "found": str(self.chebyshev),
             "allowed": "with solvers that iterate, and iterations >= 2",
-            "advice": "leave it out" if explicit else "raise iterations (and lower substeps), or leave it out",
+            "advice": "raise iterations (and lower substeps), or leave it out" if extrapolates else "leave it out",
         }
-        why = "verlet does not iterate" if explicit else "one iteration has none before it"
+        does_not = "iterate" if self.name == "verlet" else "smooth"
+        why = "one iteration has none before it" if extrapolates else f"{self.name} does not {does_not}"
         raise PydanticCustomError("chebyshev", "there is nothing to extrapolate: {why}", {**context, "why": why})
 
     @model_validator(mode="after")

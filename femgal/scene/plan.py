@@ -18,7 +18,7 @@ from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import FEWEST_NODES, Hierarchy
 from femgal.output.fields import FIELDS, find_field
 from femgal.scene.build import World
-from femgal.scene.model import Scene
+from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.problems import Problem, SceneError
 from femgal.solvers.chebyshev import largest_stable_radius
 from femgal.solvers.cycle import Cycle, shown
@@ -28,8 +28,12 @@ from femgal.timestep.velocity_verlet import FOLLOW_ITERATIONS
 from meshes.connectivity import component_labels
 
 # Substeps per frame where the scene leaves them open. With exact steps these cost what 100 substeps of Lu et al. 2025
-# cost with given ones.
+# cost with given ones. Newton's method solves its steps whatever their length.
 DEFAULT_SUBSTEPS = 50
+NEWTON_SUBSTEPS = 8
+
+# Newton's method takes as many iterations as it needs; for its cost in a plan, what soft bodies usually take.
+USUAL_ITERATIONS = 5
 
 When = Literal["start", "substep", "frame"]
 
@@ -100,6 +104,11 @@ class Plan:
         ]
 
 
+def needs_hierarchy(settings: SolverSettings) -> bool:
+    """Whether a solver has coarse layers."""
+    return settings.name == "fas" or (settings.name == "newton-multigrid" and settings.preconditioner != "blocks")
+
+
 def make_plan(
     scene: Scene, world: World, disc: Discretisation, hierarchy: Hierarchy | None, scaling: MassScaling | None = None
 ) -> Plan:
@@ -112,7 +121,8 @@ def make_plan(
     """
     settings = scene.solver
     explicit = settings.name == "verlet"
-    substeps = settings.substeps if settings.substeps or explicit else DEFAULT_SUBSTEPS
+    default = NEWTON_SUBSTEPS if settings.name == "newton-multigrid" else DEFAULT_SUBSTEPS
+    substeps = settings.substeps if settings.substeps or explicit else default
     _check_fields(scene, hierarchy, explicit)
     stages = (
         *_start_stages(scene, disc, hierarchy, scaling),
@@ -157,7 +167,7 @@ def _start_stages(
         given = scene.solver.substeps is not None
         note = "substeps given" if given else "largest frequency by power iteration, followed every frame"
         stages.append(Stage("first stable step", "start", not given, note))
-    else:
+    elif name != "newton-multigrid":
         spectral = scene.solver.steps == "spectral"
         note = "smoothing and stability bounds of each layer, by power iteration" if spectral else "not asked for"
         stages.append(Stage("spectral step lengths", "start", spectral, note))
@@ -189,6 +199,8 @@ def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | No
     n_free, iterations = int(disc.free.sum()), scene.solver.iterations
     if scene.solver.name == "verlet":
         return [Stage("acceleration", "substep", True, "gradient", n_free, disc.n_tets, 1.0)]
+    if scene.solver.name == "newton-multigrid":
+        return [*_newton_stages(scene, disc, hierarchy, n_free), _momentum(disc)]
     if hierarchy is None:
         stages = [Stage("layer 0", "substep", True, scene.solver.name, n_free, disc.n_tets, float(iterations))]
         searched, finest = float(disc.n_tets), float(disc.n_tets)
@@ -202,12 +214,31 @@ def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | No
     stages.append(_line_search(scene, searched / disc.n_tets))
     stages.append(_chebyshev(scene, finest / disc.n_tets))
     stages.append(_kept_blocks(scene))
-    held = not _has_free_parts(disc)
-    note = "every part is held by a constraint" if held else "centre of mass of parts that no constraint holds"
-    stages.append(Stage("momentum of free parts", "substep", not held, note))
+    stages.append(_momentum(disc))
     test = scene.solver.tolerance is not None
     note = f"eps18 <= {scene.solver.tolerance:g} m, at most" if test else "no tolerance"
     return [*stages, Stage("stopping test", "substep", test, note, passes=float(iterations + 1) if test else 0.0)]
+
+
+def _newton_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | None, n_free: int) -> list[Stage]:
+    """One Newton iteration with as many products as usual; the counts of a run are in its log."""
+    settings, m = scene.solver, disc.n_tets
+    made = hierarchy.complexity if hierarchy else 1.0
+    visited = 2 * made - 2 if settings.preconditioner == "cycle" else 0.0
+    products = f"of conjugate gradients, some {USUAL_ITERATIONS} to a reduction of {settings.reduction:g}"
+    each = "made once a frame, and where they have aged"
+    return [
+        Stage("gradient", "substep", True, "once per Newton iteration", n_free, m, 1.0),
+        Stage("preconditioner", "frame", True, f"{settings.preconditioner}, {each}", n_free, m, made),
+        Stage("Hessian products", "substep", True, products, n_free, m, USUAL_ITERATIONS * (1.0 + visited)),
+        Stage("line search", "substep", True, "to the first minimum along each direction", n_free, m, 2.0),
+    ]
+
+
+def _momentum(disc: Discretisation) -> Stage:
+    held = not _has_free_parts(disc)
+    note = "every part is held by a constraint" if held else "centre of mass of parts that no constraint holds"
+    return Stage("momentum of free parts", "substep", not held, note)
 
 
 def _searches(scene: Scene) -> bool:

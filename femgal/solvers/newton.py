@@ -26,10 +26,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Backend
 from femgal.solvers.line_search import first_minimum
 from femgal.solvers.pcg import Solution, solve
 from femgal.solvers.preconditioner import Preconditioner
+from femgal.solvers.smoother import smooth
 from femgal.solvers.solver import Budget, Outcome, SolverState
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import MotionState
@@ -72,6 +74,8 @@ class Newton:
     budget : Newton iterations at most, and an absolute tolerance where one is asked for.
     reduction : Converged when the residual has fallen to this share of that at the start of the step.
     linear_iterations : Conjugate gradient iterations of one Newton iteration, at most.
+    free_parts : Layer of the parts that no constraint holds, put where their momentum takes them after each iteration;
+        None when there is none. Conjugate gradients that stop early do not keep it.
     """
 
     backend: Backend
@@ -79,6 +83,7 @@ class Newton:
     budget: Budget = field(default_factory=lambda: Budget(20))
     reduction: float = 0.05
     linear_iterations: int = 500
+    free_parts: Layer | None = None
     _fresh: bool = field(default=False, init=False, repr=False)
     _usual: int | None = field(default=None, init=False, repr=False)
 
@@ -114,6 +119,8 @@ class Newton:
         coefficients[0] = backend.dot(g, solution.d)
         t = first_minimum(coefficients)
         backend.add_scaled(x, t, d)
+        if self.free_parts is not None:
+            smooth(potential, self.free_parts, x, 1.0)
         left = solution.start / start * math.hypot(solution.reduction, nonlinearity(coefficients, t))
         moved = t * backend.largest(solution.d)
         return NewtonState(

@@ -18,6 +18,9 @@ from femgal.solvers.chebyshev import Chebyshev
 from femgal.solvers.cycle import Cycle
 from femgal.solvers.fas import FAS
 from femgal.solvers.jacobi import Jacobi, ScalarJacobi
+from femgal.solvers.layer_cycle import LayerCycle
+from femgal.solvers.newton import Newton
+from femgal.solvers.preconditioner import LayerBlocks
 from femgal.solvers.smoother import LU2025_STEPS, Relaxation, StepRule
 from femgal.solvers.solver import Budget, Solver
 from femgal.timestep.backward_euler import BackwardEuler
@@ -30,6 +33,11 @@ from femgal.timestep.state import Motion, TimeStepper
 from femgal.timestep.velocity_verlet import VelocityVerlet
 
 _STEPPINGS: dict[str, type[ImplicitMethod]] = {"backward-euler": BackwardEuler, "bdf2": BDF2}
+_PRECONDITIONERS: dict[str, type[LayerBlocks | LayerCycle]] = {
+    "blocks": LayerBlocks,
+    "layers": LayerBlocks,
+    "cycle": LayerCycle,
+}
 _SINGLE_LEVEL: dict[str, type[Jacobi]] = {"jacobi": Jacobi, "scalar-jacobi": ScalarJacobi}
 
 
@@ -69,6 +77,9 @@ def _build_solver(settings: SolverSettings, plan: Plan, backend: Backend, hierar
     layers = hierarchy.layers if hierarchy else (backend.vertices,)
     parts = free_parts(backend.disc) if plan.runs("momentum of free parts") else None
     budget = Budget(settings.iterations, settings.tolerance)
+    if settings.name == "newton-multigrid":
+        made = _PRECONDITIONERS[settings.preconditioner](layers)
+        return Newton(backend, made, budget, settings.reduction, settings.linear_iterations, parts)
     common = (backend, layers, _steps(settings), budget, parts, plan.runs("kept blocks"))
     if settings.name == "fas":
         solver: Relaxation = FAS(*common, cycle=Cycle(settings.cycle, settings.pre, settings.post))

@@ -16,7 +16,7 @@ from femgal.scene.problems import SceneError
 
 
 def test_names():
-    expected = {"rabbit-drape", "bunny-drape", "beam-stretch", "bunny-stretch", "cube-random"}
+    expected = {"rabbit-drape", "bunny-drape", "beam-stretch", "bunny-stretch", "cube-random", "beam-bend"}
     assert builtin.names()[0] == builtin.DEFAULT == "rabbit-drape"
     assert expected <= set(builtin.names())
 
