@@ -23,14 +23,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femgal.solvers.line_search import first_minimum
-from femgal.solvers.smoother import Relaxation
-from femgal.solvers.solver import Outcome, SolverState
+from femgal.solvers.line_search import LineSearch, first_minimum
+from femgal.solvers.solver import Outcome, Solver, SolverState
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import MotionState
 
@@ -38,6 +37,17 @@ Floats = NDArray[np.float64]
 
 # Signs of t, t^2, ..., t^6 when the direction is turned round.
 _TURNED = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0])
+
+
+class Iteration(Solver, Protocol):
+    """A solver whose iterates can be extrapolated."""
+
+    @property
+    def search(self) -> LineSearch | None:
+        """The search that lets the potential never grow; None where step lengths are given beforehand."""
+
+    def restore_momentum(self, potential: IncrementalPotential, x: Floats) -> None:
+        """Put the centre of mass of every free part where its momentum takes it, in place."""
 
 
 @dataclass(eq=False)
@@ -64,7 +74,7 @@ class Chebyshev:
     rho : Spectral radius of one iteration, 0 < rho < 1, or "auto" for the minimum along each extrapolation.
     """
 
-    solver: Relaxation
+    solver: Iteration
     rho: float | Literal["auto"] = "auto"
 
     def prepare(self, state: MotionState, potential: IncrementalPotential) -> MotionState:
