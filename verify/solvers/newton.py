@@ -143,13 +143,22 @@ class Newton:
         b = self.backend.difference(np.zeros_like(state.g), state.g)
         tolerance = min(0.5, max(self.tolerance, self.tolerance * state.start / self._norm(b)))
         for definite in (False, True)[int(state.definite) :]:
-            self.system.linearise(potential, state.x, definite=definite)
-            solution = self.system.solve(b, tolerance)
+            solution = self._attempt(potential, state.x, b, tolerance, definite)
             self.effort.newton, self.effort.linear = self.effort.newton + 1, self.effort.linear + solution.iterations
             self.effort.definite += definite
             if solution.definite:
                 break
         return solution, definite
+
+    def _attempt(
+        self, potential: IncrementalPotential, x: Floats, b: Floats, tolerance: float, definite: bool
+    ) -> LinearSolution:
+        try:
+            self.system.linearise(potential, x, definite=definite)
+            return self.system.solve(b, tolerance)
+        except np.linalg.LinAlgError:
+            # Cholesky's method on a coarse level.
+            return LinearSolution(np.zeros_like(b), 0, 1.0, definite=False)
 
     def _forces(self, potential: IncrementalPotential, x: Floats) -> Floats:
         return self.backend.nodal_gradient(self.backend.vertices, x, potential.xhat, potential.inverse_h2)

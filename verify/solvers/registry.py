@@ -22,6 +22,7 @@ from meshes.errors import InputError
 from verify.reference.newton import ReferenceNewton
 from verify.solvers.amg import SmoothedAggregation
 from verify.solvers.newton import Newton
+from verify.solvers.sgm import SGM
 from verify.solvers.system import AssembledJacobi, LinearSystem, MatrixFreeJacobi
 
 _NEWTON: dict[str, Any] = {"tolerance": 5e-3, "iterations": 20, "linear_iterations": 5000}
@@ -33,6 +34,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "newton-amg": _NEWTON,
     "newton-amg-plain": _NEWTON,
     "newton-direct": {"tolerance": 1e-12, "iterations": 60},
+    "sgm": {**_NEWTON, "cluster": 64, "ratio": 8, "smoothings": 1, "accelerate": True},
 }
 NAMES = tuple(SETTINGS)
 
@@ -59,6 +61,10 @@ _RULES = {
     "tolerance": _Rule("a number between 0 and 1", lambda value: _is_number(value) and 0.0 < value < 1.0),
     "iterations": _COUNT,
     "linear_iterations": _COUNT,
+    "cluster": _Rule("an integer, 4 or more", lambda value: _is_count(value) and value >= 4),
+    "ratio": _Rule("an integer, 2 or more", lambda value: _is_count(value) and value >= 2),
+    "smoothings": _COUNT,
+    "accelerate": _Rule("True, False", lambda value: isinstance(value, bool)),
 }
 
 
@@ -68,8 +74,9 @@ def reference_solver(name: str, simulation: Simulation, **settings: Any) -> Solv
     Parameters
     ----------
     name : One of NAMES.
-    settings : Keys of SETTINGS[name]; `tolerance` is the relative error that the solver stops at, `iterations` are
-        Newton iterations of one step at most, `linear_iterations` those of one linear system.
+    settings : Keys of SETTINGS[name]. `tolerance` is the relative error that the solver stops at, `iterations` are
+        Newton iterations of one step at most, `linear_iterations` those of one linear system; `matrix` is "assembled"
+        or "matrix-free"; the others are those of `SGM`.
 
     Raises
     ------
@@ -85,6 +92,8 @@ def reference_solver(name: str, simulation: Simulation, **settings: Any) -> Solv
 
 def _system(name: str, backend: Backend, chosen: dict[str, Any]) -> LinearSystem:
     most = chosen["linear_iterations"]
+    if name == "sgm":
+        return SGM(backend, most, **{key: chosen[key] for key in ("cluster", "ratio", "smoothings", "accelerate")})
     if name == "newton-pcg":
         return _MATRICES[chosen["matrix"]](backend, most)
     return SmoothedAggregation(backend, most, rigid_modes=name == "newton-amg")

@@ -28,10 +28,21 @@ class LinearSystem(Protocol):
         Parameters
         ----------
         definite : Replace the Hessian of every element by its positive semi-definite part (Smith et al. 2019).
+
+        Raises
+        ------
+        LinAlgError
+            A is not positive definite. Who does not notice it here says so in the solution.
         """
 
     def solve(self, b: Floats, tolerance: float) -> LinearSolution:
-        """d [m] with |b - A d| <= tolerance |b| for forces b [N], both shape [k, 3]."""
+        """d [m] with |b - A d| <= tolerance |b| for forces b [N], both shape [k, 3].
+
+        Raises
+        ------
+        LinAlgError
+            As above.
+        """
 
 
 @dataclass(eq=False)
