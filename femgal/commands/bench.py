@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`femgal bench`: how fast things are here, one question per sub-command."""
+"""`femgal bench`: error against time of every solver, and the speed of the passes they are made of."""
 
 from __future__ import annotations
 
@@ -9,14 +9,27 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from femgal.commands.bench_grid import grid
+
 if TYPE_CHECKING:
     from verify.benchmark.kernel_report import KernelReport
     from verify.benchmark.kernel_tables import TextTable
 
 
-@click.group()
+class _ScenesOrKernels(click.Group):
+    """`bench kernels`, and `bench` of anything else: what is no sub-command's name is for the grid."""
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        if args and args[0] in self.commands:
+            return super().make_context(info_name, args, parent, **extra)
+        return grid.make_context(info_name, args or ["--help"], parent, **extra)
+
+
+@click.group(cls=_ScenesOrKernels)
 def command() -> None:
-    """Measure speed on this machine."""
+    """Measure error against time, and speed, on this machine."""
 
 
 @command.command()
@@ -41,7 +54,7 @@ def kernels(
     force: bool,
 ) -> None:
     """Time every pass over the elements beside STREAM triad, and say how far it is from what the memory allows."""
-    out = _target(json_path, force)
+    out = target_file(json_path, force)
     if mesh is None and vertices is not None:
         raise click.UsageError("--vertices goes with --mesh; the box takes --cells")
     if mesh is not None and cells is not None:
@@ -65,66 +78,7 @@ def kernels(
     _show(report, json_path, out)
 
 
-@command.command()
-@click.argument("scene", required=False)
-@click.option("--vertices", type=click.IntRange(min=8), help="Vertices of every body.")
-@click.option("--frames", type=click.IntRange(min=1), help="Number of frames.")
-@click.option("--substeps", metavar="N,N", default="50", show_default=True, help="Time steps per frame of each row.")
-@click.option("--steps", metavar="S,S", default="exact", show_default=True, help="exact, spectral, lu2025 ...")
-@click.option("--precision", metavar="P,P", default="float64", show_default=True, help="float32, float64.")
-@click.option("--ratio", metavar="N,N", default="32", show_default=True, help="Ratios, or linear.")
-@click.option(
-    "--variant", "variants", multiple=True, metavar="KEY=VALUE ...", help='Rows with keys of solver: "cycle=V pre=1".'
-)
-@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Any key: --set bodies.0.E=1e7")
-@click.option("--reference-safety", type=click.FloatRange(0.01, 0.5), default=0.45, show_default=True)
-@click.option("--work", type=click.Path(path_type=Path), required=True, help="Folder of the runs; resumes from it.")
-@click.option("--json", "json_path", metavar="PATH", help="Write all numbers to PATH; - prints them and nothing else.")
-@click.option("--force", is_flag=True, help="Overwrite an existing file.")
-def motion(
-    scene: str | None,
-    vertices: int | None,
-    frames: int | None,
-    substeps: str,
-    steps: str,
-    precision: str,
-    ratio: str,
-    variants: tuple[str, ...],
-    settings: tuple[str, ...],
-    reference_safety: float,
-    work: Path,
-    json_path: str | None,
-    force: bool,
-) -> None:
-    """Run a scene with many settings: error against a Verlet reference, time and memory of each.
-
-    Every combination of the lists is a row of FAS, beside Verlet with its own defaults; what --set says of the solver
-    holds for the rows of FAS. Each --variant makes all of them once more with other keys; --variant "" is the plain
-    one. Runs are kept in --work: an interrupted study goes on.
-    """
-    out = _target(json_path, force)
-    from femgal.commands.options import scene_from_options
-    from femgal.scene.overrides import parse_override
-    from verify.benchmark.motion import candidates, study
-    from verify.benchmark.motion_table import notes, table
-
-    base = scene_from_options(scene, vertices, frames, settings)
-    transfers = [
-        ("linear", 8) if part == "linear" else ("constant", _numbers(part, "--ratio")[0]) for part in _words(ratio)
-    ]
-    others = [tuple(map(parse_override, one.split())) for one in variants] or [()]
-    rows = candidates(_numbers(substeps, "--substeps"), _words(steps), _words(precision), transfers, others)
-    result = study(
-        base, rows, work, reference_safety=reference_safety, announce=lambda text: click.echo(f"{text} ...", err=True)
-    )
-    _deliver(result, [table(result)], notes(result), json_path, out)
-
-
-def _words(text: str) -> list[str]:
-    return [part.strip() for part in text.split(",")]
-
-
-def _target(json_path: str | None, force: bool) -> Path | None:
+def target_file(json_path: str | None, force: bool) -> Path | None:
     """The file to write, checked before anything is measured; None for none."""
     if json_path in (None, "-"):
         return None
@@ -170,6 +124,14 @@ def _deliver(
     if json_path == "-":
         click.echo(text)
         return
+    show_tables(tables, notes, preamble)
+    if out is not None:
+        out.write_text(text + "\n", encoding="utf-8")
+        click.echo(f"wrote {out}")
+
+
+def show_tables(tables: Iterable[TextTable], notes: Iterable[str], preamble: Iterable[str] = ()) -> None:
+    """Print tables, with lines before and after them."""
     from rich.console import Console
 
     # No figure is cut off, however narrow the terminal and long the labels: its lines wrap.
@@ -180,9 +142,6 @@ def _deliver(
         console.print(_drawn(table))
     for line in notes:
         console.print(line, soft_wrap=True, markup=False)
-    if out is not None:
-        out.write_text(text + "\n", encoding="utf-8")
-        click.echo(f"wrote {out}")
 
 
 def _drawn(table: TextTable) -> Any:

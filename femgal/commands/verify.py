@@ -210,6 +210,9 @@ def typed_command(ctx: click.Context) -> str:
         if ctx.get_parameter_source(str(option.name)) is not ParameterSource.COMMANDLINE:
             continue
         for one in value if isinstance(value, tuple) else (value,):
+            if isinstance(option, click.Argument):
+                words.append(shlex.quote(Path(str(one)).name))
+                continue
             words.append(option.secondary_opts[0] if one is False else option.opts[0])
             if not isinstance(one, bool):
                 words.append(shlex.quote(Path(one).name if isinstance(option.type, click.Path) else str(one)))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.cache import cache_root
-from verify.benchmark.motion import REFERENCE_SAFETY, reference_motion
 from verify.diagnose.target import Target
+from verify.work_precision.reference import find_reference_motion
 
 Floats = NDArray[np.float64]
+
+# Of the stable step; half of what Verlet takes on its own.
+REFERENCE_SAFETY = 0.45
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +29,10 @@ class Reference:
     ----------
     target : The scene and its arrays.
     x : Positions [m], shape [f + 1, n, 3].
-    own : Distance to the same motion at the default step, in units of the reference's own error, shape [f + 1, n, 3].
+    own : Distance to the same motion at twice the step, in units of the reference's own error, shape [f + 1, n, 3].
     mass : Vertex masses [kg], shape [n].
     own_error : Relative trajectory error of the reference itself; infinite where it is not known.
-    rows : Energies and momenta of each frame, as `verify.benchmark.motion_run` tells them.
+    rows : Energies and momenta of each frame, as `verify.work_precision.run_motion` tells them.
     label : Its settings.
     substeps : Of its last frame.
     free : Whether nothing holds the bodies.
@@ -70,19 +73,17 @@ def find_reference(
     InputError
         The reference itself fails.
     """
-    found = reference_motion(
-        target.scene, work or cache_root() / "references", reference_safety=safety, announce=announce
-    )
-    numbers = found.numbers
-    start = np.zeros_like(found.motion[:1])
+    found = find_reference_motion(target.scene, target.world, work, safety, announce)
+    numbers, motion = found.numbers, np.asarray(found.motion.displacement)
+    start = np.zeros_like(motion[:1])
     own = None
-    if len(found.coarser) == len(found.motion):
-        own = np.concatenate([start, (found.coarser - found.motion) / np.float32(found.factor)])
+    if math.isfinite(found.own_error):
+        own = np.concatenate([start, (found.coarse.arrays()["displacement"] - motion) / np.float32(found.factor)])
     return Reference(
         target,
-        target.world.x0 + np.concatenate([start, found.motion]),
+        target.world.x0 + np.concatenate([start, motion]),
         own,
-        found.mass,
+        found.motion.mass,
         found.own_error,
         [numbers["start"], *numbers["rows"]],
         found.label,

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The process of one run, so that its time, its compilation and its memory are its own.
+
+``python -m verify.work_precision.child REQUEST.json OUT`` writes OUT.json and, for a motion, OUT.npz.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from femgal.scene.load import parse_scene
+from meshes.errors import InputError
+from verify.work_precision.request import Request
+from verify.work_precision.store import write_result
+
+
+def main(request_file: Path, out: Path) -> None:
+    """Carry out a request; what the user can cause is a result too."""
+    request = Request.from_json(request_file.read_text(encoding="utf-8"))
+    numbers: dict[str, Any] = {"label": request.label, "failure": None, "load": os.getloadavg()[0]}
+    arrays = None
+    try:
+        scene = parse_scene(request.scene, request.label)
+        if request.kind == "survey":
+            from verify.work_precision.survey import survey
+
+            numbers |= survey(scene)
+        else:
+            from verify.work_precision.run_motion import run_motion
+
+            found, arrays = run_motion(scene, request)
+            numbers |= found
+    except InputError as error:
+        numbers |= {"failure": str(error), "failure_kind": "input"}
+    write_result(out, numbers | {"peak_mb": _peak_mb()}, arrays)
+
+
+def _peak_mb() -> float:
+    """Largest memory of this process [MB]; what getrusage says may be that of the process that started it."""
+    with suppress(OSError, StopIteration, ValueError):
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+        return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) / 1024.0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

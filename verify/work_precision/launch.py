@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Starts the process of one run and stays with it: a run that crashes, is killed or takes too long is a result."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from femgal.scene.load import parse_scene
+from verify.work_precision.request import Request
+from verify.work_precision.store import write_result
+
+# What the interpreter is asked to run.
+COMMAND: tuple[str, ...] = ("-m", "verify.work_precision.child")
+
+# Every library that has threads of its own takes as many as the run may have.
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+# Longest end of what a process that crashed had to say.
+_MOST_WORDS = 2000
+
+
+def launch(request: Request, out: Path) -> None:
+    """Run a request; OUT.json is there afterwards, whatever happens to the run.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        The user stops; the process is stopped first, and the run has no result.
+    """
+    out.with_suffix(".json").unlink(missing_ok=True)
+    with tempfile.TemporaryDirectory(prefix="femgal-bench-") as folder:
+        asked = Path(folder) / "request.json"
+        asked.write_text(request.as_json(), encoding="utf-8")
+        command = [sys.executable, *COMMAND, str(asked), str(out)]
+        began = time.perf_counter()
+        with (Path(folder) / "stderr").open("w+b") as words:
+            # A session of its own: Ctrl-C is for this process, which then ends the other one.
+            process = subprocess.Popen(
+                command, stdout=words, stderr=words, env=_environment(request), start_new_session=True
+            )
+            late = _wait(process, request.time_limit)
+            words.seek(0)
+            said = words.read().decode(errors="replace").strip()[-_MOST_WORDS:]
+    if late or process.returncode != 0:
+        _remove_parts(out)
+        write_result(out, _failure(request, process.returncode, late, said, time.perf_counter() - began))
+
+
+def _wait(process: subprocess.Popen[bytes], limit: float | None) -> bool:
+    """Wait for the end; returns whether it had to be brought about."""
+    try:
+        _wait_for(process, limit)
+    except subprocess.TimeoutExpired:
+        _end(process)
+        return True
+    except BaseException:
+        _end(process)
+        raise
+    return False
+
+
+def _wait_for(process: subprocess.Popen[bytes], limit: float | None) -> None:
+    process.wait(limit)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def _environment(request: Request) -> dict[str, str]:
+    threads = parse_scene(request.scene, request.label).solver.threads
+    return dict(os.environ) | ({} if threads is None else dict.fromkeys(_THREADS, str(threads)))
+
+
+def _failure(request: Request, code: int, late: bool, said: str, seconds: float) -> dict[str, Any]:
+    if late:
+        kind, text = "time limit", f"stopped after {request.time_limit:g} s, its time limit"
+    elif code < 0:
+        name = signal.Signals(-code).name
+        hint = ", as the system does where memory runs out" if -code == signal.SIGKILL else ""
+        kind, text = "killed", f"killed by {name}{hint}" + (f": {said}" if said else "")
+    else:
+        kind, text = "crash", f"ended with exit code {code}: {said}"
+    return {
+        "label": request.label,
+        "failure": text,
+        "failure_kind": kind,
+        "time_limit": request.time_limit,
+        "process_seconds": seconds,
+        "rows": [],
+    }
+
+
+def _remove_parts(out: Path) -> None:
+    for part in out.parent.glob(f".{out.stem}*.part*"):
+        part.unlink(missing_ok=True)

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A grid, run: what is missing in the folders is run, what is there is put together.
+
+First every scene is surveyed, which finds what cannot be built. Then references and first runs, scene by scene, the
+small ones first; then the finalists again, in turns, for the spread of their times.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from meshes.errors import InputError
+from verify.work_precision.executor import Executor, Job
+from verify.work_precision.front import finalists
+from verify.work_precision.grid import Grid
+from verify.work_precision.horizon import Horizon, choose_horizon
+from verify.work_precision.method import Method
+from verify.work_precision.problem import Problem, problems
+from verify.work_precision.reference import ReferenceMotion, ReferencePair, read_reference, reference_pair
+from verify.work_precision.request import Request, motion_request, survey_request
+from verify.work_precision.row import Clock, make_row
+from verify.work_precision.store import Result, Store
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to run a grid.
+
+    Parameters
+    ----------
+    clock : Which time counts.
+    gaps : Substeps whose energy gap is measured.
+    refresh_references : Make references anew.
+    """
+
+    clock: Clock = "wall"
+    gaps: int = 0
+    refresh_references: bool = False
+
+
+@dataclass(eq=False)
+class Study:
+    """A grid with its folders.
+
+    Parameters
+    ----------
+    store, references : Folders of runs and of references.
+    executor : Carries out runs.
+    announce : Told what begins, and what has ended how.
+    """
+
+    grid: Grid
+    store: Store
+    references: Store
+    executor: Executor
+    options: Options = field(default_factory=Options)
+    announce: Callable[[str], None] = lambda text: None
+    problems: list[Problem] = field(init=False)
+    methods: list[Method] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Refuse whatever can be refused before anything runs.
+
+        Raises
+        ------
+        InputError
+            No such scene or solver, or settings that one does not have.
+        """
+        self.problems, self.methods = problems(self.grid), self.grid.methods()
+        for problem, method in itertools.product(self.problems, self.methods):
+            method.scene(problem.scene, self.grid.threads)
+
+    def run(self) -> None:
+        """Run what is missing.
+
+        Raises
+        ------
+        InputError
+            A scene that cannot be built.
+        KeyboardInterrupt
+            The user stops; what has ended is kept.
+        """
+        self._carry_out((survey_request(p.scene, p.id), self.store) for p in self.problems)
+        for problem in self.problems:
+            failure = self._survey(problem)["failure"]
+            if failure:
+                raise InputError("the scene cannot be built", where=problem.id, found=failure)
+        if self.options.refresh_references:
+            for problem in self.problems:
+                for request in self._pair(problem).both:
+                    self.references.remove(request)
+        self._carry_out(self._first_runs())
+        self._carry_out(self._repetitions())
+
+    def _first_runs(self) -> Iterator[tuple[Request, Store]]:
+        for problem in self.problems:
+            yield from ((request, self.references) for request in self._pair(problem).both)
+            yield from ((self._request(problem, method), self.store) for method in self.methods)
+
+    def _repetitions(self) -> Iterator[tuple[Request, Store]]:
+        """In turns: what disturbs the machine for a while disturbs all finalists of a scene."""
+        if self.grid.repeats < 2:
+            return
+        for problem in self.problems:
+            chosen = self.finalists(problem)
+            for number in range(1, self.grid.repeats):
+                yield from ((self._request(problem, method).repeated(number), self.store) for method in chosen)
+
+    def finalists(self, problem: Problem) -> list[Method]:
+        """Methods that decide who is soonest at a target."""
+        rows = self.rows(problem, repetitions=False)
+        best = [(row["solver"], row["label"]) for row in finalists(rows, self.grid.targets, "seconds")]
+        return list({str(m): m for m in self.methods if (m.name, str(m)) in best}.values())
+
+    def rows(self, problem: Problem, *, repetitions: bool = True) -> list[Row]:
+        """Numbers of every method on a scene, as far as they have been run."""
+        reference = self.reference(problem)
+        known = reference if isinstance(reference, ReferenceMotion) else None
+        return [
+            make_row(problem, method, self._runs(problem, method, repetitions), known, self.options.clock)
+            for method in self.methods
+        ]
+
+    def reference(self, problem: Problem) -> ReferenceMotion | str:
+        """The reference of a scene, or why there is none."""
+        if self.store.find(survey_request(problem.scene, problem.id)) is None:
+            return "has not been run"
+        return read_reference(self._pair(problem), self.references)
+
+    def horizon(self, problem: Problem) -> Horizon:
+        """Length of a scene's motion."""
+        # Where the way is a matter of chance, the end counts: the scene says when that is.
+        period = None if problem.is_chaotic else self._survey(problem)["period"]
+        return choose_horizon(problem.scene, period, self.grid.periods, self.grid.frames)
+
+    def survey(self, problem: Problem) -> dict[str, Any] | None:
+        """What is known of a scene; None where it has not been looked at."""
+        found = self.store.find(survey_request(problem.scene, problem.id))
+        return found.numbers if found is not None and found.failure is None else None
+
+    def _survey(self, problem: Problem) -> dict[str, Any]:
+        found = self.store.find(survey_request(problem.scene, problem.id))
+        assert found is not None
+        return found.numbers
+
+    def _pair(self, problem: Problem) -> ReferencePair:
+        scene = self.horizon(problem).of(problem.scene)
+        physics = self._survey(problem)["physics"]
+        return reference_pair(scene, physics, problem.id, self.grid.reference_safety, self.grid.threads)
+
+    def _request(self, problem: Problem, method: Method) -> Request:
+        scene = self.horizon(problem).of(problem.scene)
+        limit, gaps = self.grid.time_limit, self.options.gaps
+        return motion_request(scene, method, self.grid.threads, problem.id, gaps=gaps, time_limit=limit)
+
+    def _runs(self, problem: Problem, method: Method, repetitions: bool) -> list[Result]:
+        if self.survey(problem) is None:
+            return []
+        first = self._request(problem, method)
+        wanted = [first, *(first.repeated(n) for n in range(1, self.grid.repeats if repetitions else 1))]
+        return [found for found in map(self.store.find, wanted) if found is not None]
+
+    def _carry_out(self, wanted: Iterable[tuple[Request, Store]]) -> None:
+        """Run what has no result yet, each request once."""
+        jobs = {request.name: Job(request, store) for request, store in wanted if store.find(request) is None}
+        count = itertools.count(1)
+        total = len(jobs)
+
+        def begun(job: Job) -> None:
+            self.announce(f"[{next(count)}/{total}] {job.request.label}")
+
+        def done(job: Job) -> None:
+            self.announce(f"    {_told(job)}")
+
+        if jobs:
+            self.executor.run(list(jobs.values()), begun, done)
+
+
+def _told(job: Job) -> str:
+    found = job.store.find(job.request)
+    if found is None:
+        return f"{job.request.label}: no result"
+    if found.failure:
+        return f"{job.request.label}: FAILED, {found.failure.splitlines()[0]}"
+    frames = found.numbers.get("rows")
+    if not frames:
+        return f"{job.request.label}: done"
+    seconds = sum(frame["seconds"] for frame in frames) / len(frames)
+    return f"{job.request.label}: {seconds:.3g} s per frame"
