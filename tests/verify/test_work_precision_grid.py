@@ -105,7 +105,7 @@ def test_bad_words(names, specs, common, expected):
 
 
 def test_check_name_lists_all():
-    with pytest.raises(InputError, match="fas, jacobi, scalar-jacobi, verlet"):
+    with pytest.raises(InputError, match=r"allowed: fas, .*verlet"):
         check_name("magic", "here")
 
 
