@@ -66,7 +66,7 @@ def _print_tables(simulation: Any) -> None:
     if simulation.hierarchy:
         console.print(str(simulation.hierarchy), highlight=False, soft_wrap=True)
     steps = plan.substeps if plan.substeps else "as many as stability asks for"
-    console.print(f"substeps per frame: {steps}")
+    console.print(f"substeps per frame: {steps}" + (f", {plan.solves} solves each" if plan.solves > 1 else ""))
     console.print(f"element passes per substep: {plan.passes_per_substep:.3f}; per frame: {plan.passes_per_frame:.3f}")
     for warning in simulation.world.warnings:
         console.print(f"warning: {warning}", style="yellow", soft_wrap=True)

@@ -64,12 +64,16 @@ class Stage:
 
 @dataclass(frozen=True)
 class Plan:
-    """Stages in the order in which they run, the skipped ones among them."""
+    """Stages in the order in which they run, the skipped ones among them.
+
+    A substep consists of `solves` solves, and each makes the passes of all stages of a substep.
+    """
 
     stages: tuple[Stage, ...]
     substeps: int | None
     iterations: int
     fields: tuple[str, ...]
+    solves: int = 1
 
     def runs(self, name: str) -> bool:
         """Whether the stage of this name runs."""
@@ -78,7 +82,7 @@ class Plan:
     @property
     def passes_per_substep(self) -> float:
         """Element passes over the finest mesh in one substep, at most."""
-        return self._passes("substep")
+        return self.solves * self._passes("substep")
 
     @property
     def passes_per_frame(self) -> float:
@@ -130,7 +134,8 @@ def make_plan(
         *_solver_stages(scene, disc, hierarchy),
         *_frame_stages(scene, disc, explicit, any(not motion.is_fixed for motion in world.motions)),
     )
-    return Plan(stages, substeps, settings.iterations, tuple(scene.output.fields))
+    solves = 1 if explicit else STAGES[settings.stepping]
+    return Plan(stages, substeps, settings.iterations, tuple(scene.output.fields), solves)
 
 
 def _check_fields(scene: Scene, hierarchy: Hierarchy | None, explicit: bool) -> None:
@@ -182,17 +187,25 @@ def _motion_stages(scene: Scene, world: World, disc: Discretisation) -> list[Sta
     fixed = sum(len(motion.vertices) for motion in world.motions if motion.is_fixed)
     moving = sum(len(motion.vertices) for motion in world.motions if not motion.is_fixed)
     return [
-        Stage("prediction", "substep", True, _formula(scene), int(disc.free.sum())),
+        Stage("prediction", "substep", True, _formula(scene.solver), int(disc.free.sum())),
         Stage("damping", "substep", scene.damping > 0.0, f"alpha = {scene.damping:g} 1/s"),
         Stage("fixed vertices", "substep", fixed > 0, f"{fixed} vertices"),
         Stage("moving vertices", "substep", moving > 0, f"{moving} vertices"),
     ]
 
 
-def _formula(scene: Scene) -> str:
-    if scene.solver.name != "verlet" and scene.solver.stepping == "bdf2":
-        return "BDF2: xhat = y + h_e w + h_e^2 g, h_e = 2h/3, y and w from the last two states"
-    return "xhat = x + h v + h^2 g"
+# Solves per substep.
+STAGES = {"backward-euler": 1, "bdf2": 1, "tr-bdf2": 2}
+
+_FORMULAS = {
+    "backward-euler": "xhat = x + h v + h^2 g",
+    "bdf2": "BDF2: xhat = y + h_e w + h_e^2 g, h_e = 2h/3, y and w from the last two states",
+    "tr-bdf2": "TR-BDF2, twice per substep: xhat = y + h_e w + h_e^2 g, h_e = 0.293 h",
+}
+
+
+def _formula(settings: SolverSettings) -> str:
+    return _FORMULAS["backward-euler" if settings.name == "verlet" else settings.stepping]
 
 
 def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | None) -> list[Stage]:

@@ -30,9 +30,10 @@ from femgal.timestep.implicit import ImplicitMethod
 from femgal.timestep.mass_scaling import MassScaling, scale_mass
 from femgal.timestep.stable_step import element_stiffness, vertex_stiffness
 from femgal.timestep.state import Motion, TimeStepper
+from femgal.timestep.tr_bdf2 import TRBDF2
 from femgal.timestep.velocity_verlet import VelocityVerlet
 
-_STEPPINGS: dict[str, type[ImplicitMethod]] = {"backward-euler": BackwardEuler, "bdf2": BDF2}
+_STEPPINGS: dict[str, type[ImplicitMethod]] = {"backward-euler": BackwardEuler, "bdf2": BDF2, "tr-bdf2": TRBDF2}
 _PRECONDITIONERS: dict[str, type[LayerBlocks | LayerCycle]] = {
     "blocks": LayerBlocks,
     "layers": LayerBlocks,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Implicit time stepping as a minimisation: what backward Euler and BDF2 have in common.
+"""Implicit time stepping as a minimisation: what backward Euler, BDF2 and TR-BDF2 have in common.
 
-A multistep formula for x' = v, M v' = M g - grad E(x) reads
+A formula for x' = v, M v' = M g - grad E(x) reads
 
     x_{n+1} = y + h_e v_{n+1},    v_{n+1} = w + h_e (g - M^-1 grad E(x_{n+1}))
 
@@ -117,28 +117,39 @@ class ImplicitMethod(ABC):
 
     def step(self, state: MotionState, h: float) -> MotionState:
         """Minimise the incremental potential of one step."""
-        past = self.past(state, h)
-        potential = self._potential(state, h, past)
+        after = self.solve(state, self.past(state, h), state.time + h)
+        return replace(after, memory=after.memory | self.memory(state, h))
+
+    def solve(self, state: MotionState, past: Past, time: float) -> MotionState:
+        """The state at a time, from what the formula takes from those before it.
+
+        Parameters
+        ----------
+        state : The state before, where the solver may begin.
+        past : y, w and h_e.
+        time : [s]; prescribed vertices are where they have to be then.
+        """
+        potential = self._potential(state, past, time)
         result = minimise(self.solver, potential, state.memory)
         self._last = potential
         v = self.backend.difference(result.x, past.y, 1.0 / past.h_e)
         converged = None if result.outcome is Outcome.ITERATIONS else result.outcome is Outcome.CONVERGED
-        memory = (state.memory if result.memory is None else result.memory) | self.memory(state, h)
-        return MotionState(state.time + h, result.x, v, memory, result.corrections, converged)
+        memory = state.memory if result.memory is None else result.memory
+        return MotionState(time, result.x, v, memory, result.corrections, converged)
 
     def potential(self, state: MotionState, h: float) -> IncrementalPotential:
         """The incremental potential of the step that follows a state."""
-        return self._potential(state, h, self.past(state, h))
+        return self._potential(state, self.past(state, h), state.time + h)
 
-    def _potential(self, state: MotionState, h: float, past: Past) -> IncrementalPotential:
+    def _potential(self, state: MotionState, past: Past, time: float) -> IncrementalPotential:
         # Completing the square in x of the damping (see IncrementalPotential) divides w and g by 1 + alpha h_e.
         inertia = 1.0 + self.damping * past.h_e
         xhat = self.backend.predict(past.y, past.w, past.h_e, self.gravity, inertia)
         x_n = state.x
         if self.motions:
-            place(self.motions, state.time + h, xhat)
+            place(self.motions, time, xhat)
             x_n = state.x.copy()
-            place(self.motions, state.time + h, x_n)
+            place(self.motions, time, x_n)
         return IncrementalPotential(self.backend, xhat, past.h_e, inertia, x_n, self.least_response)
 
     def residual(self, state: MotionState) -> Floats | None:
