@@ -9,15 +9,20 @@ For this material phi is exactly quadratic in one vertex and H_i is positive def
 the minimum over its own position, and phi falls with every vertex for 0 < w < 2. Where the paper leaves something open,
 or this departs from it:
 
-1. The start is the prediction xhat ("inertia and acceleration" there), or its adaptive start: of the acceleration that
-   each vertex had in the last step, the part along gravity, from none to all of it, stands for gravity in xhat.
-   Contact, for which the paper made it, is what it serves; in flight the two are the same.
+1. The start is the prediction xhat ("inertia and acceleration" there), or the paper's adaptive start: of the
+   acceleration that each vertex had in the last step, the part along gravity, from none to all of it, stands for
+   gravity in xhat.
+   One sweep does not take back all of a fall that the body's support stops: on a drape with one sweep per step the
+   adaptive start halves the error (bunny of 2,000 vertices, E = 1e6, rho = 1000, backward Euler, trajectory error at
+   25 / 50 / 100 / 200 substeps per frame: 7.4 / 2.2 / 0.58 / 0.14% against 18 / 5.2 / 1.3 / 0.33%).
 2. Colours are greedy in the order of the mesh, and every sweep runs through them in the same order.
 3. Blocks need no safeguard against a small determinant: the mass keeps them regular.
 4. The centre of mass of a free body is put right after each sweep. Gauss-Seidel does not keep it.
 5. Acceleration is `femgal.solvers.chebyshev` around this solver, the paper's formula with a fixed rho and w = 1, or
    with any w and the length that a search finds. Over-relaxed sweeps have complex eigenvalues, for which fixed weights
    need not converge. Sweeps themselves need no line search.
+6. w = 1. With few sweeps any other w applies a wrong share of the elastic force however short the step is (the drape
+   with w = 1.4: 19% at 200 substeps).
 """
 
 from __future__ import annotations
