@@ -15,7 +15,7 @@ _OPTIONS = (
     click.argument("scene", required=False),
     click.option("--vertices", type=click.IntRange(min=8), help="Vertices of every body."),
     click.option("--frames", type=click.IntRange(min=1), help="Number of frames."),
-    click.option("--solver", help="fas, newton-multigrid, jacobi, scalar-jacobi or verlet, with its own defaults."),
+    click.option("--solver", help="fas, newton-multigrid, verlet, vbd, jacobi ..., with its own defaults."),
     click.option("--substeps", type=click.IntRange(min=1), help="Time steps per frame."),
     click.option("--iterations", type=click.IntRange(min=1), help="Cycles, sweeps or Newton iterations per substep."),
     click.option("--threads", type=click.IntRange(min=1), help="CPU threads; all by default."),

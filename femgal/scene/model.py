@@ -125,8 +125,14 @@ class Constraint(Table):
     rotation: Rotation | None = None
 
 
-# Where these keys of the solver table are left out with newton-multigrid.
-NEWTON_DEFAULTS = {"stepping": "tr-bdf2", "iterations": 20}
+# Values of the solver table that a solver has where they are left out, other than those of `SolverSettings`.
+DEFAULTS: dict[str, dict[str, Any]] = {
+    "newton-multigrid": {"stepping": "tr-bdf2", "iterations": 20},
+    "jacobi-explicit": {"steps": "spectral"},
+}
+
+# Solvers that smooth layers and may search along every correction, or keep their blocks.
+RELAXATIONS = ("fas", "jacobi", "scalar-jacobi")
 
 
 class SolverSettings(Table):
@@ -135,7 +141,9 @@ class SolverSettings(Table):
     Attributes
     ----------
     name : ``fas`` (Galerkin multigrid), ``newton-multigrid`` (Newton's method with conjugate gradients: accurate and
-        robust), ``jacobi`` (3x3 block Jacobi), ``scalar-jacobi``, or ``verlet`` (explicit).
+        robust), ``verlet`` (explicit), and for comparison ``vbd`` (vertex block descent: coloured Gauss-Seidel),
+        ``jacobi`` (3x3 block Jacobi), ``scalar-jacobi``, and both on an assembled matrix, ``vbd-explicit`` and
+        ``jacobi-explicit``.
     stepping : How time is stepped: ``backward-euler`` (first order; loses energy, never gains any), ``bdf2`` (second
         order) or ``tr-bdf2`` (second order with two solves per step: of a given cost a third to a half of the error of
         ``bdf2``; the default of ``newton-multigrid``). Not for ``verlet``.
@@ -146,8 +154,11 @@ class SolverSettings(Table):
     linear_iterations : ``newton-multigrid`` makes at most so many iterations of conjugate gradients per Newton
         iteration.
     preconditioner : Of these conjugate gradients: ``layers`` (the 3x3 blocks of all layers, added up), ``cycle`` (the
-        layers one after the other, down and up) or ``blocks`` (of the vertices alone: block Jacobi).
+        layers one after the other, down and up), ``mas`` (multilevel additive Schwarz, Wu et al. 2022) or ``blocks``
+        (of the vertices alone: block Jacobi).
     tolerance : Stop iterating below this residual eps18 [m] (Lu et al. 2025, Eq. 18); off when left out.
+    relaxation : ``vbd`` and ``vbd-explicit`` move a vertex by so many times its own correction.
+    sweeps : ``vbd-explicit`` and ``jacobi-explicit`` sweep so often over a matrix before they assemble a new one.
     transfer : ``constant`` (coarse nodes are clusters of vertices) or ``linear`` (corners of coarse tetrahedra, whose
         motion is interpolated). A linear cycle costs about twice as much; for stiff bodies and long steps it leaves a
         tenth of the error, for soft ones and short steps it gains nothing.
@@ -177,13 +188,17 @@ class SolverSettings(Table):
     threads : CPU threads; all when left out.
     """
 
-    name: Literal["fas", "newton-multigrid", "jacobi", "scalar-jacobi", "verlet"] = "fas"
+    name: Literal[
+        "fas", "newton-multigrid", "verlet", "vbd", "vbd-explicit", "jacobi", "jacobi-explicit", "scalar-jacobi"
+    ] = "fas"
     stepping: Literal["backward-euler", "bdf2", "tr-bdf2"] = "backward-euler"
     substeps: Annotated[Count, Field(le=10_000_000)] | None = None
     iterations: Count = 1
     reduction: Annotated[Number, Field(gt=0, lt=1)] = 0.05
     linear_iterations: Count = 500
-    preconditioner: Literal["layers", "cycle", "blocks"] = "layers"
+    preconditioner: Literal["layers", "cycle", "mas", "blocks"] = "layers"
+    relaxation: Annotated[Number, Field(gt=0, lt=2)] = 1.0
+    sweeps: Count = 20
     tolerance: Annotated[Number, Field(gt=0), Unit("m")] | None = None
     transfer: Literal["constant", "linear"] = "constant"
     ratio: Annotated[Count, Field(ge=2)] = 32
@@ -201,10 +216,10 @@ class SolverSettings(Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _defaults_of_newton(cls, data: Any) -> Any:
-        """Fill in what Newton's method does unless asked for something else."""
-        if isinstance(data, dict) and data.get("name") == "newton-multigrid":
-            return NEWTON_DEFAULTS | data
+    def _defaults_by_name(cls, data: Any) -> Any:
+        """Fill in what a solver does unless asked for something else."""
+        if isinstance(data, dict) and isinstance(data.get("name"), str):
+            return DEFAULTS.get(data["name"], {}) | data
         return data
 
     @model_validator(mode="before")
@@ -234,6 +249,18 @@ class SolverSettings(Table):
         if isinstance(data, dict) and data.get("cycle", "coarse-to-fine") != "coarse-to-fine":
             return {"pre": 1} | data
         return data
+
+    @model_validator(mode="after")
+    def _matrices_are_not_searched(self) -> Self:
+        if self.name == "jacobi-explicit" and self.steps in ("exact", "backtracking"):
+            context = {
+                "key": "solver.steps",
+                "found": str(self.steps),
+                "allowed": '"spectral", "lu2025" or two numbers with name = "jacobi-explicit"',
+                "advice": "leave steps out",
+            }
+            raise PydanticCustomError("steps", "a linear system is not searched along its corrections", context)
+        return self
 
     @model_validator(mode="after")
     def _stages_are_solved(self) -> Self:

@@ -18,7 +18,7 @@ from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import FEWEST_NODES, Hierarchy
 from femgal.output.fields import FIELDS, find_field
 from femgal.scene.build import World
-from femgal.scene.model import Scene, SolverSettings
+from femgal.scene.model import RELAXATIONS, Scene, SolverSettings
 from femgal.scene.problems import Problem, SceneError
 from femgal.solvers.chebyshev import largest_stable_radius
 from femgal.solvers.cycle import Cycle, shown
@@ -34,6 +34,9 @@ NEWTON_SUBSTEPS = 8
 
 # Newton's method takes as many iterations as it needs; for its cost in a plan, what soft bodies usually take.
 USUAL_ITERATIONS = 5
+
+# Preconditioners that are made of the layers of a hierarchy.
+LAYERED = ("layers", "cycle")
 
 When = Literal["start", "substep", "frame"]
 
@@ -110,7 +113,7 @@ class Plan:
 
 def needs_hierarchy(settings: SolverSettings) -> bool:
     """Whether a solver has coarse layers."""
-    return settings.name == "fas" or (settings.name == "newton-multigrid" and settings.preconditioner != "blocks")
+    return settings.name == "fas" or (settings.name == "newton-multigrid" and settings.preconditioner in LAYERED)
 
 
 def make_plan(
@@ -172,7 +175,7 @@ def _start_stages(
         given = scene.solver.substeps is not None
         note = "substeps given" if given else "largest frequency by power iteration, followed every frame"
         stages.append(Stage("first stable step", "start", not given, note))
-    elif name != "newton-multigrid":
+    elif name in RELAXATIONS or name == "jacobi-explicit":
         spectral = scene.solver.steps == "spectral"
         note = "smoothing and stability bounds of each layer, by power iteration" if spectral else "not asked for"
         stages.append(Stage("spectral step lengths", "start", spectral, note))
@@ -215,7 +218,7 @@ def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | No
     if scene.solver.name == "newton-multigrid":
         return [*_newton_stages(scene, disc, hierarchy, n_free), _momentum(disc)]
     if hierarchy is None:
-        stages = [Stage("layer 0", "substep", True, scene.solver.name, n_free, disc.n_tets, float(iterations))]
+        stages = [_single_layer(scene.solver, n_free, disc.n_tets)]
         searched, finest = float(disc.n_tets), float(disc.n_tets)
     else:
         cycle = Cycle(scene.solver.cycle, scene.solver.pre, scene.solver.post)
@@ -231,6 +234,15 @@ def _solver_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | No
     test = scene.solver.tolerance is not None
     note = f"eps18 <= {scene.solver.tolerance:g} m, at most" if test else "no tolerance"
     return [*stages, Stage("stopping test", "substep", test, note, passes=float(iterations + 1) if test else 0.0)]
+
+
+def _single_layer(settings: SolverSettings, n_free: int, n_tets: int) -> Stage:
+    """Sweeps over the finest mesh; those on a matrix make no element pass but the gradient of each system."""
+    if not settings.name.endswith("-explicit"):
+        return Stage("layer 0", "substep", True, settings.name, n_free, n_tets, float(settings.iterations))
+    systems = -(-settings.iterations // settings.sweeps)
+    note = f"{settings.name}, {systems} assembled matrices of {settings.sweeps} sweeps at most"
+    return Stage("layer 0", "substep", True, note, n_free, n_tets, float(systems))
 
 
 def _newton_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | None, n_free: int) -> list[Stage]:
@@ -255,13 +267,13 @@ def _momentum(disc: Discretisation) -> Stage:
 
 
 def _searches(scene: Scene) -> bool:
-    return scene.solver.steps in LINE_SEARCHES
+    return scene.solver.name in RELAXATIONS and scene.solver.steps in LINE_SEARCHES
 
 
 def _line_search(scene: Scene, passes: float) -> Stage:
     """One line from the last state to the prediction, then one along the correction of each smoothing."""
     if not _searches(scene):
-        return Stage("line search", "substep", False, "step lengths are fixed")
+        return Stage("line search", "substep", False, "no correction is searched along")
     how = "to its first minimum" if scene.solver.steps == "exact" else "1, 1/2, 1/4, ... of it until that falls"
     note = f"energy along each correction, {how}"
     return Stage("line search", "substep", True, note, passes=1.0 + scene.solver.iterations * passes)
@@ -281,7 +293,7 @@ def _chebyshev(scene: Scene, passes: float) -> Stage:
 
 
 def _kept_blocks(scene: Scene) -> Stage:
-    keeps = scene.solver.blocks == "auto"
+    keeps = scene.solver.blocks == "auto" and scene.solver.name in RELAXATIONS
     note = "at most; gradients alone while old blocks change next to nothing" if keeps else "made at every smoothing"
     # A refresh is followed by one gradient that judges it; where blocks are kept at all, for two substeps or more.
     return Stage("kept blocks", "substep", keeps, note, passes=0.5 if keeps else 0.0)

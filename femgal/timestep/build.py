@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""From the settings of a scene to a time-stepping method with its solver."""
+"""From the settings of a scene to a time-stepping method."""
 
 from __future__ import annotations
 
@@ -9,20 +9,11 @@ import numpy as np
 
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import Hierarchy
-from femgal.hierarchy.layer import free_parts
 from femgal.kernels.backend import Backend
 from femgal.kernels.cpu.threads import Workers
 from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan
-from femgal.solvers.chebyshev import Chebyshev
-from femgal.solvers.cycle import Cycle
-from femgal.solvers.fas import FAS
-from femgal.solvers.jacobi import Jacobi, ScalarJacobi
-from femgal.solvers.layer_cycle import LayerCycle
-from femgal.solvers.newton import Newton
-from femgal.solvers.preconditioner import LayerBlocks
-from femgal.solvers.smoother import LU2025_STEPS, Relaxation, StepRule
-from femgal.solvers.solver import Budget, Solver
+from femgal.solvers.build import build_solver
 from femgal.timestep.backward_euler import BackwardEuler
 from femgal.timestep.bdf2 import BDF2
 from femgal.timestep.bottleneck import find_bottleneck
@@ -34,12 +25,6 @@ from femgal.timestep.tr_bdf2 import TRBDF2
 from femgal.timestep.velocity_verlet import VelocityVerlet
 
 _STEPPINGS: dict[str, type[ImplicitMethod]] = {"backward-euler": BackwardEuler, "bdf2": BDF2, "tr-bdf2": TRBDF2}
-_PRECONDITIONERS: dict[str, type[LayerBlocks | LayerCycle]] = {
-    "blocks": LayerBlocks,
-    "layers": LayerBlocks,
-    "cycle": LayerCycle,
-}
-_SINGLE_LEVEL: dict[str, type[Jacobi]] = {"jacobi": Jacobi, "scalar-jacobi": ScalarJacobi}
 
 
 def build_stepper(
@@ -51,7 +36,7 @@ def build_stepper(
     motions = motions if plan.runs("fixed vertices") or plan.runs("moving vertices") else ()
     if settings.name == "verlet":
         return VelocityVerlet(backend, gravity, damping, motions, settings.safety, settings.substeps)
-    solver = _build_solver(settings, plan, backend, hierarchy)
+    solver = build_solver(settings, plan, backend, hierarchy)
     assert plan.substeps is not None
     return _STEPPINGS[settings.stepping](backend, solver, plan.substeps, gravity, damping, motions)
 
@@ -72,24 +57,3 @@ def prepare_mass(
         return disc, None, (str(bottleneck),) if bottleneck else ()
     disc, scaling = scale_mass(disc, k, settings.mass_scaling)
     return disc, scaling, (scaling.warning,) if scaling.warning else ()
-
-
-def _build_solver(settings: SolverSettings, plan: Plan, backend: Backend, hierarchy: Hierarchy | None) -> Solver:
-    layers = hierarchy.layers if hierarchy else (backend.vertices,)
-    parts = free_parts(backend.disc) if plan.runs("momentum of free parts") else None
-    budget = Budget(settings.iterations, settings.tolerance)
-    if settings.name == "newton-multigrid":
-        made = _PRECONDITIONERS[settings.preconditioner](layers)
-        return Newton(backend, made, budget, settings.reduction, settings.linear_iterations, parts)
-    common = (backend, layers, _steps(settings), budget, parts, plan.runs("kept blocks"))
-    if settings.name == "fas":
-        solver: Relaxation = FAS(*common, cycle=Cycle(settings.cycle, settings.pre, settings.post))
-    else:
-        solver = _SINGLE_LEVEL[settings.name](*common)
-    return solver if settings.chebyshev is None else Chebyshev(solver, settings.chebyshev)
-
-
-def _steps(settings: SolverSettings) -> StepRule:
-    if settings.steps in ("spectral", "exact", "backtracking"):
-        return settings.steps
-    return LU2025_STEPS if settings.steps == "lu2025" else settings.steps
