@@ -57,8 +57,15 @@ class LatticeNodes:
     position: Floats
 
 
-def lattice_nodes(X: Floats, free: NDArray[np.bool_], edges: Ints, spacing: float) -> LatticeNodes:
-    """Nodes of the lattice of one spacing, one of its points in the middle of the bounding box.
+def lattice_nodes(
+    X: Floats,
+    free: NDArray[np.bool_],
+    edges: Ints,
+    spacing: float,
+    origin: Floats | None = None,
+    lightest: float = LIGHTEST,
+) -> LatticeNodes:
+    """Nodes of the lattice of one spacing.
 
     Parameters
     ----------
@@ -66,13 +73,16 @@ def lattice_nodes(X: Floats, free: NDArray[np.bool_], edges: Ints, spacing: floa
     free : Vertices that nodes may move, shape [n].
     edges : Edges of the mesh, shape [n_edges, 2].
     spacing : Edge of the cubes [m]; a cube holds two nodes.
+    origin : One of the lattice's points [m], shape [3]; None puts it in the middle of the bounding box. Lattices of
+        one origin are nested where the spacing of one is twice that of the other.
+    lightest : Nodes that carry less than so many vertices are left out.
     """
-    origin = 0.5 * (X.min(axis=0) + X.max(axis=0))
+    origin = 0.5 * (X.min(axis=0) + X.max(axis=0)) if origin is None else origin
     point, weight = np.empty((len(X), 4), np.int64), np.empty((len(X), 4))
     _interpolate(X, free, origin, spacing, point, weight)
     parent, first = support_parts(edges, point)
     kept = np.zeros(len(first), np.bool_)
-    _choose(parent, weight, kept)
+    _choose(parent, weight, lightest, kept)
     number = np.where(kept, np.cumsum(kept) - 1, -1).astype(np.int32)
     _settle(number, parent, weight)
     first = first[kept]
@@ -116,8 +126,8 @@ def _interpolate(
 
 
 @kernel
-def _choose(parent: Ints, weight: Floats, kept: NDArray[np.bool_]) -> None:
-    """Keep the nodes that carry a vertex or more, and of each vertex at least the one that carries most."""
+def _choose(parent: Ints, weight: Floats, lightest: float, kept: NDArray[np.bool_]) -> None:
+    """Keep the nodes that carry `lightest` or more, and of each vertex at least the one that carries most."""
     total = np.zeros(len(kept))
     for v in range(len(parent)):
         for s in range(4):
@@ -131,7 +141,7 @@ def _choose(parent: Ints, weight: Floats, kept: NDArray[np.bool_]) -> None:
         if parent[v, most] >= 0:
             kept[parent[v, most]] = True
     for i in range(len(kept)):
-        if total[i] >= LIGHTEST:
+        if total[i] >= lightest:
             kept[i] = True
 
 

@@ -79,7 +79,7 @@ def build_layer(disc: Discretisation, parent: Ints, weight: Floats, n_nodes: int
     is_active = np.zeros(disc.n_tets, np.bool_)
     n_pairs = _mark_active(disc.mesh.cells, disc.B, parent, weight, is_active)
     active = np.flatnonzero(is_active).astype(np.int32)
-    return Layer(name, parent, weight, *_transpose(parent, weight, n_nodes), active, int(n_pairs))
+    return Layer(name, parent, weight, *transpose(parent, weight, n_nodes), active, int(n_pairs))
 
 
 def build_pairs(disc: Discretisation, layer: Layer) -> Pairs:
@@ -118,7 +118,8 @@ def free_parts(disc: Discretisation) -> Layer | None:
     return build_layer(disc, node[part][:, None].copy(), np.ones((disc.n_vertices, 1)), len(roots), "free parts")
 
 
-def _transpose(parent: Ints, weight: Floats, n_nodes: int) -> tuple[Longs, Ints, Floats]:
+def transpose(parent: Ints, weight: Floats, n_nodes: int) -> tuple[Longs, Ints, Floats]:
+    """Vertices of each node and their weights, from the nodes of each vertex: `child_ptr, child, child_weight`."""
     child_ptr = np.zeros(n_nodes + 1, np.int64)
     _count_children(parent, child_ptr)
     np.cumsum(child_ptr, out=child_ptr)

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Preconditioner of Newton's linear systems: a Galerkin V-cycle on lattices, with assembled matrices.
+
+The definite part of the Hessian is assembled over the free vertices (`femgal.assembly.hessian`) and coarsened to
+P^T A P on a chain of nested lattices (`femgal.assembly.lattices`). Each level is smoothed before and after the coarser
+one by a Chebyshev polynomial in D^-1 A, D the diagonal blocks; the coarsest is solved by Cholesky's method. The same
+polynomial on both sides makes the cycle symmetric, and positive definite for as long as the polynomial's interval holds
+the largest eigenvalue.
+
+Everything is single precision: it is bandwidth that a cycle costs. The rounding of A is random from block to block, so
+it averages out over the soft modes that the cycle is there for.
+
+Why the finest level is assembled too: its coarse matrices need it anyway, and a product with 14 blocks of float32 per
+row takes 0.45 of the time of a matrix-free product in float32, and 0.12 of one with the definite part.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femgal.assembly.hessian import HessianAssembly
+from femgal.assembly.lattices import lattice_chain
+from femgal.assembly.matrix import BlockMatrix
+from femgal.kernels.backend import Backend, Precision
+from femgal.solvers.multigrid import DenseSolver, Level, VCycle
+from femgal.timestep.potential import IncrementalPotential
+
+Floats = NDArray[np.float64]
+
+# Unknowns of the dense bottom, k: Cholesky's method may cost k^3 <= DENSE_WORK per free vertex, about as much as the
+# assembly. Few levels converge better, most of all where the body is only some mean edges thick.
+DENSE_WORK = 1e6
+MOST_DENSE = 2000
+
+# Degree of the bottom's polynomial where it is too large to be dense: many bodies that do not touch.
+BOTTOM_DEGREE = 8
+BOTTOM_RATIO = 100.0
+
+
+class LatticeVCycle:
+    """One V-cycle; the methods are those of `femgal.solvers.preconditioner.Preconditioner`.
+
+    Parameters
+    ----------
+    backend : Bodies and threads; no element pass is made.
+    degree : Of the Chebyshev polynomials before and after the coarser levels.
+    precision : Of matrices and cycle.
+    """
+
+    def __init__(self, backend: Backend, degree: int = 2, precision: Precision = "float32") -> None:
+        self._assembly = HessianAssembly(backend.disc, precision, backend.threads)
+        self._A = self._assembly.matrix()
+        most = min(MOST_DENSE, int((DENSE_WORK * self._A.n_rows) ** (1.0 / 3.0)))
+        products = lattice_chain(backend.disc, self._A.pattern, most // 3, precision)
+        matrices: list[BlockMatrix] = [self._A]
+        for product in products:
+            matrices.append(product.matrix(matrices[-1]))
+        last = matrices[-1]
+        dense = 3 * last.n_rows <= most
+        bottom = DenseSolver(last) if dense else Level(last, BOTTOM_DEGREE, BOTTOM_RATIO)
+        self._cycle = VCycle([Level(A, degree) for A in matrices[:-1]], products, bottom)
+        self._ready = False
+
+    def __str__(self) -> str:
+        cycle = self._cycle
+        matrices = [level.A for level in (*cycle.levels, cycle.bottom)]
+        rows = [f"{A.n_rows} nodes, {A.pattern.n_blocks / A.n_rows:.1f} blocks per row" for A in matrices]
+        bottom = "solved directly" if isinstance(cycle.bottom, DenseSolver) else "smoothed"
+        return "\n".join([*rows, f"bottom {bottom}, {sum(A.nbytes for A in matrices) / 2**20:.0f} MiB"])
+
+    def refresh(self, potential: IncrementalPotential, x: Floats, *, reuse: bool = False) -> None:
+        """Matrices of all levels at x, or with `reuse` those that are there."""
+        if reuse and self._ready:
+            return
+        self._assembly.assemble(x, potential.inverse_h2, out=self._A)
+        self._cycle.refresh()
+        self._ready = True
+
+    def apply(self, r: Floats) -> Floats:
+        """What a cycle makes of A^-1 r [m], rows of the free vertices, shape [k, 3]."""
+        # Residuals of all sizes must fit into single precision.
+        size = float(np.abs(r).max(initial=0.0))
+        if size == 0.0:
+            return np.zeros_like(r)
+        z = self._cycle.solve((r / size).astype(self._A.values.dtype))
+        return size * z.astype(np.float64)
