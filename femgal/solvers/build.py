@@ -6,10 +6,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from femgal.hierarchy.hierarchy import Hierarchy
 from femgal.hierarchy.layer import Layer, free_parts
 from femgal.kernels.backend import Backend
-from femgal.scene.model import SolverSettings
+from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan
 from femgal.solvers.chebyshev import Chebyshev, Iteration
 from femgal.solvers.cycle import Cycle
@@ -35,6 +38,7 @@ class _Parts:
     layers : Layers, finest first; the finest alone for solvers without others.
     free : Layer of the parts that no constraint holds, or None.
     keeps_blocks : Whether blocks may be kept over several substeps.
+    gravity : g [m/s^2], shape [3].
     """
 
     settings: SolverSettings
@@ -42,6 +46,7 @@ class _Parts:
     layers: tuple[Layer, ...]
     free: Layer | None
     keeps_blocks: bool
+    gravity: NDArray[np.float64]
 
     @property
     def budget(self) -> Budget:
@@ -55,17 +60,18 @@ class _Parts:
         return LU2025_STEPS if steps == "lu2025" else steps
 
 
-def build_solver(settings: SolverSettings, plan: Plan, backend: Backend, hierarchy: Hierarchy | None) -> Solver:
-    """The solver that the settings ask for, with the stages that the plan says run.
+def build_solver(scene: Scene, plan: Plan, backend: Backend, hierarchy: Hierarchy | None) -> Solver:
+    """The solver that the scene asks for, with the stages that the plan says run.
 
     Raises
     ------
     InputError
         A setting that this solver cannot work with.
     """
+    settings, gravity = scene.solver, np.asarray(scene.gravity, np.float64)
     layers = hierarchy.layers if hierarchy else (backend.vertices,)
     free = free_parts(backend.disc) if plan.runs("momentum of free parts") else None
-    parts = _Parts(settings, backend, layers, free, plan.runs("kept blocks"))
+    parts = _Parts(settings, backend, layers, free, plan.runs("kept blocks"), gravity)
     if settings.name == "newton-multigrid":
         made = _PRECONDITIONERS[settings.preconditioner](parts)
         return Newton(backend, made, parts.budget, settings.reduction, settings.linear_iterations, free)
@@ -86,7 +92,7 @@ def _jacobi(kind: type[Jacobi]) -> Callable[[_Parts], Jacobi]:
 
 
 def _vbd(parts: _Parts) -> VBD:
-    return VBD(parts.backend, parts.budget, parts.free, parts.settings.relaxation)
+    return VBD(parts.backend, parts.budget, parts.free, parts.settings.relaxation, "adaptive", parts.gravity)
 
 
 def _explicit_jacobi(parts: _Parts) -> ExplicitJacobi:

@@ -36,7 +36,7 @@ def build_stepper(
     motions = motions if plan.runs("fixed vertices") or plan.runs("moving vertices") else ()
     if settings.name == "verlet":
         return VelocityVerlet(backend, gravity, damping, motions, settings.safety, settings.substeps)
-    solver = build_solver(settings, plan, backend, hierarchy)
+    solver = build_solver(scene, plan, backend, hierarchy)
     assert plan.substeps is not None
     return _STEPPINGS[settings.stepping](backend, solver, plan.substeps, gravity, damping, motions)
 
