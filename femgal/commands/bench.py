@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
@@ -130,7 +130,20 @@ def _deliver(
         click.echo(f"wrote {out}")
 
 
-def show_tables(tables: Iterable[TextTable], notes: Iterable[str], preamble: Iterable[str] = ()) -> None:
+class _Table(Protocol):
+    """A table of text: of `verify.benchmark` or of `reports.benchmark`."""
+
+    @property
+    def title(self) -> str: ...
+
+    @property
+    def heads(self) -> tuple[str, ...]: ...
+
+    @property
+    def rows(self) -> tuple[tuple[str, ...], ...]: ...
+
+
+def show_tables(tables: Iterable[_Table], notes: Iterable[str], preamble: Iterable[str] = ()) -> None:
     """Print tables, with lines before and after them."""
     from rich.console import Console
 
@@ -144,7 +157,7 @@ def show_tables(tables: Iterable[TextTable], notes: Iterable[str], preamble: Ite
         console.print(line, soft_wrap=True, markup=False)
 
 
-def _drawn(table: TextTable) -> Any:
+def _drawn(table: _Table) -> Any:
     from rich import box
     from rich.table import Table
     from rich.text import Text

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 
-_FILES = ("bench.json", "bench.csv")
-
 _HELP = {
     "solver": 'A curve with choices: "fas substeps=5,10,25 steps=exact,spectral label=mine".',
     "vary": "Choices for every solver that has the key: steps=exact,spectral",
@@ -156,16 +154,16 @@ class _Out:
     def __init__(self, json_path: str | None, report: Path | None, force: bool) -> None:
         from femgal.commands.bench import target_file
         from femgal.output.report import prepare_report
+        from reports.benchmark.render import NAMES
 
         self._alone, self._file = json_path == "-", target_file(json_path, force)
-        self._report = prepare_report(report, _FILES, force=force) if report is not None else None
+        self._report = prepare_report(report, NAMES, force=force) if report is not None else None
 
     def deliver(self, study: Study, command: str) -> None:
         """Print the tables, or the record alone, and write the files."""
         from femgal.commands.bench import show_tables
-        from femgal.output.report import write_report
+        from reports.benchmark.tables import notes, tables
         from verify.work_precision.record import make_record
-        from verify.work_precision.tables import csv_text, notes, tables
 
         record = make_record(study, command)
         text = json.dumps(record, indent=1, allow_nan=False) + "\n"
@@ -177,5 +175,17 @@ class _Out:
             self._file.write_text(text, encoding="utf-8")
             click.echo(f"wrote {self._file}", err=True)
         if self._report is not None:
-            write_report(self._report, {"bench.json": text, "bench.csv": csv_text(record)})
-            click.echo(f"wrote {self._report}", err=True)
+            _write_report(self._report, record)
+
+
+def _write_report(folder: Path, record: dict[str, Any]) -> None:
+    from femgal.output.report import write_report
+    from reports.benchmark.pictures import draw_pictures
+    from reports.benchmark.render import render
+
+    write_report(folder, render(record))
+    try:
+        draw_pictures(record, folder)
+    except ImportError:
+        click.echo('no PNG plots: matplotlib is missing; pip install "femgal[view]"', err=True)
+    click.echo(f"wrote {folder}", err=True)

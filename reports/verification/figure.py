@@ -23,11 +23,12 @@ def figure(plot: Plot, row: Row, place: int = 1) -> Markup:
 
     Parameters
     ----------
-    row : Whose plot it is.
+    row : Whose plot it is: its id, and where plots of several kinds belong to it, "file" for the name of this kind.
     place : Which of its plots, from 1.
     """
     origin = element("a", row["id"], href="#" + quote(row["id"]))
-    name = re.sub(r"[^a-z0-9]+", "-", row["id"].lower()).strip("-") + ("" if place == 1 else f"-{place}") + ".csv"
+    words = " ".join(filter(None, (row.get("file"), row["id"])))
+    name = re.sub(r"[^a-z0-9]+", "-", words.lower()).strip("-") + ("" if place == 1 else f"-{place}") + ".csv"
     link = element("a", "download CSV", href="data:text/csv;charset=utf-8," + quote(csv_text(plot)), download=name)
     return element(
         "figure",
@@ -41,7 +42,7 @@ def figure(plot: Plot, row: Row, place: int = 1) -> Markup:
 
 def figure_id(row: Row, place: int = 1) -> str:
     """Where links to a row's figure lead."""
-    return f"plot-{place}-of-{row['id']}"
+    return "-".join(filter(None, ("plot", str(place), row.get("file"), "of", row["id"])))
 
 
 def csv_text(plot: Plot) -> str:

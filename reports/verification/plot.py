@@ -26,6 +26,11 @@ _MARKS = (
 COLOURS = len(_MARKS)
 
 
+def shape(number: int) -> str:
+    """Shape of a curve's marks: with the colour, which comes round every COLOURS curves, it tells COLOURS^2 apart."""
+    return _MARKS[(number + number // COLOURS) % COLOURS]
+
+
 def plot_svg(plot: Mapping[str, Any]) -> Markup:
     """One plot; a sentence in place of axes where no point can be drawn."""
     curves = [drawable(curve) for curve in plot["curves"]]
@@ -58,7 +63,7 @@ def drawable(curve: Mapping[str, Any]) -> list[Point]:
 def mark(number: int) -> Markup:
     """A piece of a curve for the legend."""
     line = element("path", d="M1,7H25", class_="line")
-    dot = element("path", d=_MARKS[number % COLOURS], class_="mark", transform="translate(13 7)")
+    dot = element("path", d=shape(number), class_="mark", transform="translate(13 7)")
     return element("svg", line, dot, viewBox="0 0 26 14", class_=f"key c{number % COLOURS}", aria_hidden="true")
 
 
@@ -93,8 +98,7 @@ def _curve(points: Sequence[Point], number: int, x: LogScale, y: LogScale) -> Ma
     pixels = [(x(a), y(b)) for a, b in points]
     line = "M" + "L".join(f"{a:.1f},{b:.1f}" for a, b in pixels) if pixels else ""
     marks = (
-        element("path", d=_MARKS[number % COLOURS], transform=f"translate({a:.1f} {b:.1f})", class_="mark")
-        for a, b in pixels
+        element("path", d=shape(number), transform=f"translate({a:.1f} {b:.1f})", class_="mark") for a, b in pixels
     )
     return element("g", element("path", d=line, class_="line"), *marks, class_=f"c{number % COLOURS}")
 

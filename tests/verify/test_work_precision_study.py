@@ -6,7 +6,7 @@
 2. What has been run is not run again, also after a stop; another row costs one run.
 3. A run that fails, is killed or takes too long is a row with what was seen, never an end of the study.
 4. Finalists are repeated, and only they; their times have a median and a spread.
-5. The record is JSON without NaN; every row has passes, bytes, iterations, memory; the table and the CSV show them.
+5. The record is JSON without NaN; every row has passes, bytes, iterations, memory; the reports read it.
 6. References outlive another solver's sources; the present ones do not.
 7. What cannot be run is refused before anything runs.
 """
@@ -21,13 +21,15 @@ from dataclasses import replace
 import pytest
 
 from meshes.errors import InputError
+from reports.benchmark.charts import charts
+from reports.benchmark.render import render
+from reports.benchmark.tables import notes, tables
 from tests.verify.bench_scenes import beam_grid, make_study
 from verify.work_precision import launch as launching
 from verify.work_precision import request as requests
 from verify.work_precision.executor import Job
 from verify.work_precision.record import make_record
 from verify.work_precision.store import Store
-from verify.work_precision.tables import csv_text, notes, tables
 
 SOLVERS = [
     {"name": "verlet"},
@@ -199,16 +201,14 @@ def test_finalists_are_repeated(done):
     assert times["least"] <= times["median"] <= times["most"]
 
 
-def test_tables(done):
+def test_reports_read_it(done):
     _, record, _, _ = done
-    summary, rows = tables(record)
+    _, rows = tables(record)
     assert len(rows.rows) == len(record["rows"])
-    assert len(summary.rows) == len(record["curves"])
-    for drawn in (summary, rows):
-        assert all(len(row) == len(drawn.heads) for row in drawn.rows)
-    lines = csv_text(record).splitlines()
-    assert len(lines) == 1 + len(record["rows"])
-    assert lines[1].startswith("hanging-beam,")
+    files = render(record)
+    assert json.loads(files["bench.json"]) == json.loads(json.dumps(record))
+    assert "fas substeps=20 precision=float32" in files["bench.html"]
+    assert {chart.name for chart in charts(record)} == {"error-seconds", "error-passes"}
 
 
 def test_what_a_result_depends_on(done, monkeypatch):

@@ -32,12 +32,15 @@ class CountedSolver:
     kept: int = 0
     iterations: int = field(default=0, init=False)
     solutions: list[tuple[IncrementalPotential, Floats]] = field(default_factory=list, init=False)
+    # femgal's Newton counts in the state of a step, those of verify over all steps.
+    _products: int | None = field(default=None, init=False, repr=False)
+    _linear_before: int = field(default=0, init=False, repr=False)
 
     @property
     def linear_iterations(self) -> int | None:
         """Iterations of the linear solver so far; None for a solver that does not count them."""
-        count: Any = getattr(self.solver, "linear_iterations", None)
-        return None if count is None else int(count)
+        effort: Any = getattr(self.solver, "effort", None)
+        return self._products if effort is None else int(effort.linear) - self._linear_before
 
     def prepare(self, state: MotionState, potential: IncrementalPotential) -> MotionState:
         """As the solver."""
@@ -58,6 +61,9 @@ class CountedSolver:
 
     def conclude(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
         """As the solver."""
+        products: int | None = getattr(state, "products", None)
+        if products is not None:
+            self._products = (self._products or 0) + products
         state = self.solver.conclude(potential, state)
         if len(self.solutions) < self.kept:
             self.solutions.append((potential, state.x.copy()))
@@ -65,5 +71,7 @@ class CountedSolver:
 
     def forget(self) -> None:
         """Begin to count and to keep anew."""
-        self.iterations = 0
+        effort: Any = getattr(self.solver, "effort", None)
+        self._linear_before = 0 if effort is None else int(effort.linear)
+        self.iterations, self._products = 0, None
         self.solutions.clear()
