@@ -153,9 +153,10 @@ class SolverSettings(Table):
     reduction : ``newton-multigrid`` solves each step until its residual has fallen to this share.
     linear_iterations : ``newton-multigrid`` makes at most so many iterations of conjugate gradients per Newton
         iteration.
-    preconditioner : Of these conjugate gradients: ``layers`` (the 3x3 blocks of all layers, added up), ``cycle`` (the
-        layers one after the other, down and up), ``mas`` (multilevel additive Schwarz, Wu et al. 2022) or ``blocks``
-        (of the vertices alone: block Jacobi).
+    preconditioner : Of these conjugate gradients: ``v-cycle`` (Galerkin multigrid on lattices with assembled matrices:
+        few iterations, however stiff or large the body), ``layers`` (the 3x3 blocks of all layers, added up),
+        ``cycle`` (the layers one after the other, down and up), ``mas`` (multilevel additive Schwarz, Wu et al. 2022)
+        or ``blocks`` (of the vertices alone: block Jacobi).
     tolerance : Stop iterating below this residual eps18 [m] (Lu et al. 2025, Eq. 18); off when left out.
     relaxation : ``vbd`` and ``vbd-explicit`` move a vertex by so many times its own correction.
     sweeps : ``vbd-explicit`` and ``jacobi-explicit`` sweep so often over a matrix before they assemble a new one.
@@ -196,7 +197,7 @@ class SolverSettings(Table):
     iterations: Count = 1
     reduction: Annotated[Number, Field(gt=0, lt=1)] = 0.05
     linear_iterations: Count = 500
-    preconditioner: Literal["layers", "cycle", "mas", "blocks"] = "layers"
+    preconditioner: Literal["v-cycle", "layers", "cycle", "mas", "blocks"] = "v-cycle"
     relaxation: Annotated[Number, Field(gt=0, lt=2)] = 1.0
     sweeps: Count = 20
     tolerance: Annotated[Number, Field(gt=0), Unit("m")] | None = None

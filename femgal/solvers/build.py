@@ -20,6 +20,7 @@ from femgal.solvers.explicit_jacobi import ExplicitJacobi
 from femgal.solvers.explicit_vbd import ExplicitVBD
 from femgal.solvers.fas import FAS
 from femgal.solvers.jacobi import Jacobi, ScalarJacobi
+from femgal.solvers.lattice_vcycle import LatticeVCycle
 from femgal.solvers.layer_cycle import LayerCycle
 from femgal.solvers.mas import MAS
 from femgal.solvers.newton import Newton
@@ -118,4 +119,5 @@ _PRECONDITIONERS: dict[str, Callable[[_Parts], Preconditioner]] = {
     "layers": lambda parts: LayerBlocks(parts.layers),
     "cycle": lambda parts: LayerCycle(parts.layers),
     "mas": lambda parts: MAS(parts.backend),
+    "v-cycle": lambda parts: LatticeVCycle(parts.backend),
 }

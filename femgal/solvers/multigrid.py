@@ -33,8 +33,8 @@ SMOOTHED, SOLVED = 5.0, 100.0
 # Power iterations end some per cent below lambda_max, and a mode above the interval would be amplified.
 SAFETY = 1.1
 
-# Power iterations from a random vector, and those that follow a change of the matrix.
-FIRST_ITERATIONS, MORE_ITERATIONS = 15, 2
+# Power iterations, from the same random vector every time: what a cycle does must not depend on earlier matrices.
+ITERATIONS = 15
 
 
 @dataclass(eq=False)
@@ -52,14 +52,14 @@ class Level:
     degree: int
     smoothed: float = SMOOTHED
     _inverse: Reals = field(init=False, repr=False)
-    _mode: Reals = field(init=False, repr=False)
+    _start: Reals = field(init=False, repr=False)
     _work: tuple[Reals, ...] = field(init=False, repr=False)
     _lambda: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         n, dtype = self.A.n_rows, self.A.values.dtype
         self._inverse = np.empty((n, 6), dtype)
-        self._mode = np.random.default_rng(SEED).standard_normal((n, 3)).astype(dtype)
+        self._start = np.random.default_rng(SEED).standard_normal((n, 3)).astype(dtype)
         self._work = tuple(np.empty((n, 3), dtype) for _ in range(4))
 
     @property
@@ -71,8 +71,7 @@ class Level:
         """Blocks and largest eigenvalue of the present matrix."""
         A = self.A
         A.workers.run(invert_blocks, A.n_rows, A.pattern.diagonal, A.values, self._inverse)
-        iterations = FIRST_ITERATIONS if self._lambda == 0.0 else MORE_ITERATIONS
-        self._lambda = largest_eigenvalue(A, self._inverse, self._mode, iterations)
+        self._lambda = largest_eigenvalue(A, self._inverse, self._start.copy(), ITERATIONS)
 
     def solve(self, r: Reals) -> Reals:
         """What the polynomial makes of A^-1 r; an array of this level, overwritten by its next use."""
