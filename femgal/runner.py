@@ -96,6 +96,11 @@ class RunResult:
     out: Path | None = None
     failure: SolverFailure | OSError | None = None
 
+    @property
+    def estimated_error(self) -> float | None:
+        """Estimated relative trajectory error of all frames; None where no accuracy was asked for."""
+        return self.rows[-1].get("estimated_error") if self.rows else None
+
 
 def run(
     scene: Scene | str | Path,
@@ -355,6 +360,8 @@ def _header(simulation: Simulation) -> dict[str, Any]:
         },
         "warnings": list(world.warnings),
         "fingerprint": simulation.fingerprint,
+        "accuracy": scene.solver.accuracy,
+        "choice": simulation.choice.as_dict() if simulation.choice else None,
         "mass_scaling": simulation.mass_scaling.as_dict() if simulation.mass_scaling else None,
         "hierarchy": str(simulation.hierarchy).splitlines() if simulation.hierarchy else None,
         "plan": [" | ".join(row) for row in simulation.plan.rows()],

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femgal.choice import Choice, choose, with_solver
 from femgal.diagnostics import Energies, EnergyGuard, energies_of
 from femgal.discretisation import Discretisation, discretise
 from femgal.failure import SolverFailure
@@ -25,6 +26,7 @@ from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan, make_plan, needs_hierarchy
 from femgal.solvers.blocks import with_blocks_to_use
 from femgal.timestep.build import build_stepper, prepare_mass
+from femgal.timestep.control import AccuracyControl
 from femgal.timestep.mass_scaling import MassScaling
 from femgal.timestep.potential import eps18
 from femgal.timestep.state import MotionState, TimeStepper
@@ -106,6 +108,7 @@ class Simulation:
     backend : Element passes.
     stepper : Time-stepping method.
     mass_scaling : What was added to the mass of `disc` for longer steps; None when nothing was asked for.
+    choice : Which solver was chosen and why; None where the scene names one.
     """
 
     scene: Scene
@@ -116,6 +119,7 @@ class Simulation:
     backend: Backend
     stepper: TimeStepper
     mass_scaling: MassScaling | None = None
+    choice: Choice | None = None
     guard: EnergyGuard = field(init=False)
     _start: MotionState | None = field(default=None, init=False, repr=False)
     # Substeps of the present frame that missed the tolerance asked for.
@@ -129,6 +133,8 @@ class Simulation:
     def prepare(cls, scene: Scene, announce: Announce = lambda text: None) -> Simulation:
         """Build everything that a scene needs.
 
+        Where its solver is `auto`, one is chosen, which may take a few frames; the simulation's scene names it.
+
         Raises
         ------
         InputError
@@ -137,6 +143,17 @@ class Simulation:
         announce("building the mesh")
         world = build_world(scene)
         _check_start(world)
+        if scene.solver.name != "auto":
+            return cls._assemble(scene, world, announce)
+        announce("choosing a solver")
+        choice = choose(scene, lambda candidate: cls._assemble(candidate, world))
+        simulation = cls._assemble(with_solver(scene, choice.solver, choice.substeps), world, announce)
+        simulation.choice = choice
+        return simulation
+
+    @classmethod
+    def _assemble(cls, scene: Scene, world: World, announce: Announce = lambda text: None) -> Simulation:
+        """A simulation of bodies that have been built."""
         constrained = np.concatenate([np.empty(0, np.int64), *(motion.vertices for motion in world.motions)])
         disc = discretise(world.mesh, world.E, world.nu, world.rho, constrained)
         disc, scaling, warnings = prepare_mass(scene.solver, disc)
@@ -322,6 +339,8 @@ class Simulation:
             "eps18": None if residual is None else eps18(residual),
             **energies.as_row(),
         }
+        if isinstance(self.stepper, AccuracyControl):
+            row["estimated_error"] = self.stepper.estimated_error(state)
         computed: dict[str, Callable[[], NDArray]] = {
             "displacement": lambda: state.x - self.disc.mesh.points,
             "velocity": lambda: state.v,

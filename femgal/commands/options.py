@@ -15,7 +15,8 @@ _OPTIONS = (
     click.argument("scene", required=False),
     click.option("--vertices", type=click.IntRange(min=8), help="Vertices of every body."),
     click.option("--frames", type=click.IntRange(min=1), help="Number of frames."),
-    click.option("--solver", help="fas, newton-multigrid, verlet, vbd, jacobi ..., with its own defaults."),
+    click.option("--accuracy", help="Relative error of the motion, 1% or 0.01; chooses solver and substeps."),
+    click.option("--solver", help="auto, fas, newton-multigrid, verlet, vbd, jacobi ..., with its own defaults."),
     click.option("--substeps", type=click.IntRange(min=1), help="Time steps per frame."),
     click.option("--iterations", type=click.IntRange(min=1), help="Cycles, sweeps or Newton iterations per substep."),
     click.option("--threads", type=click.IntRange(min=1), help="CPU threads; all by default."),
@@ -49,6 +50,8 @@ def scene_from_options(
     from femgal.scene.overrides import parse_override
 
     overrides: dict[str, object] = dict(parse_override(text) for text in settings)
+    if solver.get("accuracy") is not None and solver.get("solver") is None:
+        overrides.setdefault("solver.name", "auto")
     names = {"solver": "solver.name"}
     overrides |= {names.get(k, f"solver.{k}"): v for k, v in solver.items() if v is not None}
     return load_scene(scene or DEFAULT, vertices=vertices, frames=frames, overrides=overrides)

@@ -33,9 +33,16 @@ def _print_json(simulation: Any) -> None:
     plan = simulation.plan
     content = asdict(plan)
     content |= {"passes_per_substep": plan.passes_per_substep, "passes_per_frame": plan.passes_per_frame}
+    content["choice"] = simulation.choice.as_dict() if simulation.choice else None
     content["mass_scaling"] = simulation.mass_scaling.as_dict() if simulation.mass_scaling else None
     content["warnings"] = list(simulation.world.warnings)
     click.echo(json.dumps(content, indent=2))
+
+
+def _substeps(simulation: Any) -> str:
+    plan, accuracy = simulation.plan, simulation.scene.solver.accuracy
+    given = str(plan.substeps) if plan.substeps else "as many as stability asks for"
+    return given if accuracy is None else f"{given} to begin with, then as the error asks for"
 
 
 def _print_tables(simulation: Any) -> None:
@@ -65,8 +72,10 @@ def _print_tables(simulation: Any) -> None:
     console.print(table)
     if simulation.hierarchy:
         console.print(str(simulation.hierarchy), highlight=False, soft_wrap=True)
-    steps = plan.substeps if plan.substeps else "as many as stability asks for"
-    console.print(f"substeps per frame: {steps}" + (f", {plan.solves} solves each" if plan.solves > 1 else ""))
+    if simulation.choice:
+        console.print(f"chosen: {simulation.choice}", soft_wrap=True)
+    solves = f", {plan.solves} solves each" if plan.solves > 1 else ""
+    console.print(f"substeps per frame: {_substeps(simulation)}{solves}")
     console.print(f"element passes per substep: {plan.passes_per_substep:.3f}; per frame: {plan.passes_per_frame:.3f}")
     for warning in simulation.world.warnings:
         console.print(f"warning: {warning}", style="yellow", soft_wrap=True)

@@ -16,6 +16,11 @@ from femgal.runner import Progress
 from femgal.simulation import Simulation
 
 
+def percent(share: float) -> str:
+    """A share in per cent, two digits: 0.73%."""
+    return f"{100.0 * share:.2g}%"
+
+
 class TerminalProgress(Progress):
     """Says what is being built, compiled and solved; use as a context manager."""
 
@@ -63,6 +68,8 @@ class TerminalProgress(Progress):
             self._console.print(f"mass scaling: {simulation.mass_scaling}")
         for warning in simulation.world.warnings:
             self._console.print(f"warning: {warning}", style="yellow")
+        if simulation.choice:
+            self._console.print(f"chosen: {simulation.choice}")
         threads = simulation.backend.threads
         self._console.print(f"{scene.name}: {disc.n_tets} tetrahedra, solver {scene.solver.name}, {threads} thread(s)")
         self._task = self._bar.add_task("solving", total=scene.frames + 1, completed=first_frame, note="")
@@ -75,6 +82,8 @@ class TerminalProgress(Progress):
     def frame(self, row: Mapping[str, Any]) -> None:
         """Advance the bar, or print a line where there is none."""
         note = f"{row['seconds']:.2f} s, energy {row['total_energy']:.4g} J, min J {row['min_J']:.3g}"
+        if row.get("estimated_error"):
+            note += f", estimated error {percent(row['estimated_error'])}"
         if row["retakes"]:
             note += f", taken again {row['retakes']} time(s), the last with {row['substeps']} substeps"
         self._bar.update(self._task, advance=1, note=note)

@@ -77,3 +77,14 @@ def _report(result: Any, quiet: bool) -> None:
     elif not quiet:
         seconds = sorted(row["seconds"] for row in result.rows[1:]) or [0.0]
         click.echo(f"{result.out}: {len(result.rows)} frames, {seconds[len(seconds) // 2]:.2f} s per frame (median)")
+        _report_error(result)
+
+
+def _report_error(result: Any) -> None:
+    """Say how the accuracy that was asked for has been kept."""
+    from femgal.commands.progress import percent
+
+    asked, estimated = result.simulation.scene.solver.accuracy, result.estimated_error
+    if asked is not None and estimated is not None:
+        missed = " - not kept: earlier errors cannot be undone" if estimated > asked else ""
+        click.echo(f"estimated trajectory error {percent(estimated)} (asked: {percent(asked)}){missed}")

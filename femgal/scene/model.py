@@ -13,7 +13,9 @@ from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from femgal.hierarchy import LINEAR_RATIO
+from femgal.scene.accuracy import check_accuracy, with_accuracy_defaults
 from femgal.scene.quantities import (
+    Accuracy,
     Count,
     Density,
     Index,
@@ -141,13 +143,18 @@ class SolverSettings(Table):
     Attributes
     ----------
     name : ``fas`` (Galerkin multigrid), ``newton-multigrid`` (Newton's method with conjugate gradients: accurate and
-        robust), ``verlet`` (explicit), and for comparison ``vbd`` (vertex block descent: coloured Gauss-Seidel),
-        ``jacobi`` (3x3 block Jacobi), ``scalar-jacobi``, and both on an assembled matrix, ``vbd-explicit`` and
-        ``jacobi-explicit``.
+        robust), ``verlet`` (explicit), ``auto`` (``verlet`` or ``newton-multigrid``, whichever keeps `accuracy` at the
+        lower cost), and for comparison ``vbd`` (vertex block descent: coloured Gauss-Seidel), ``jacobi`` (3x3 block
+        Jacobi), ``scalar-jacobi``, and both on an assembled matrix, ``vbd-explicit`` and ``jacobi-explicit``.
+    accuracy : Relative error of the motion asked for, 0.01 or "1%"; with ``auto`` (1% when left out), ``verlet``
+        or ``newton-multigrid``; without a name it means ``auto``. Substeps then follow from estimates of the error,
+        which are reported: root mean square over vertices (by mass) and frames of the distance from the exact motion of
+        this mesh, over that of the motion. Not for chaotic motions: after a random start two runs part whatever they do.
     stepping : How time is stepped: ``backward-euler`` (first order; loses energy, never gains any), ``bdf2`` (second
         order) or ``tr-bdf2`` (second order with two solves per step: of a given cost a third to a half of the error of
         ``bdf2``; the default of ``newton-multigrid``). Not for ``verlet``.
-    substeps : Time steps per frame; the solver's default when left out (``verlet``: from its stable step).
+    substeps : Time steps per frame; the solver's default when left out (``verlet``: from its stable step). With
+        `accuracy` a run of ``newton-multigrid`` begins with so many, and the others choose theirs.
     iterations : Cycles or sweeps per substep; of ``newton-multigrid`` at most so many Newton iterations, 20 when left
         out.
     reduction : ``newton-multigrid`` solves each step until its residual has fallen to this share.
@@ -190,8 +197,9 @@ class SolverSettings(Table):
     """
 
     name: Literal[
-        "fas", "newton-multigrid", "verlet", "vbd", "vbd-explicit", "jacobi", "jacobi-explicit", "scalar-jacobi"
+        "fas", "newton-multigrid", "verlet", "auto", "vbd", "vbd-explicit", "jacobi", "jacobi-explicit", "scalar-jacobi"
     ] = "fas"
+    accuracy: Accuracy | None = None
     stepping: Literal["backward-euler", "bdf2", "tr-bdf2"] = "backward-euler"
     substeps: Annotated[Count, Field(le=10_000_000)] | None = None
     iterations: Count = 1
@@ -219,9 +227,15 @@ class SolverSettings(Table):
     @classmethod
     def _defaults_by_name(cls, data: Any) -> Any:
         """Fill in what a solver does unless asked for something else."""
+        data = with_accuracy_defaults(data)
         if isinstance(data, dict) and isinstance(data.get("name"), str):
             return DEFAULTS.get(data["name"], {}) | data
         return data
+
+    @model_validator(mode="after")
+    def _accuracy_can_be_controlled(self) -> Self:
+        check_accuracy(self)
+        return self
 
     @model_validator(mode="before")
     @classmethod

@@ -28,9 +28,10 @@ from femgal.timestep.velocity_verlet import FOLLOW_ITERATIONS
 from meshes.connectivity import component_labels
 
 # Substeps per frame where the scene leaves them open. With exact steps these cost what 100 substeps of Lu et al. 2025
-# cost with given ones. Newton's method solves its steps whatever their length.
+# cost with given ones. Newton's method solves its steps whatever their length; the last is for a controlled error.
 DEFAULT_SUBSTEPS = 50
 NEWTON_SUBSTEPS = 8
+CONTROLLED_SUBSTEPS = 2
 
 # Newton's method takes as many iterations as it needs; for its cost in a plan, what soft bodies usually take.
 USUAL_ITERATIONS = 5
@@ -128,17 +129,33 @@ def make_plan(
     """
     settings = scene.solver
     explicit = settings.name == "verlet"
-    default = NEWTON_SUBSTEPS if settings.name == "newton-multigrid" else DEFAULT_SUBSTEPS
-    substeps = settings.substeps if settings.substeps or explicit else default
+    substeps = settings.substeps if settings.substeps or explicit else _default_substeps(settings)
     _check_fields(scene, hierarchy, explicit)
     stages = (
         *_start_stages(scene, disc, hierarchy, scaling),
         *_motion_stages(scene, world, disc),
-        *_solver_stages(scene, disc, hierarchy),
+        *_controlled(scene, _solver_stages(scene, disc, hierarchy)),
         *_frame_stages(scene, disc, explicit, any(not motion.is_fixed for motion in world.motions)),
     )
     solves = 1 if explicit else STAGES[settings.stepping]
     return Plan(stages, substeps, settings.iterations, tuple(scene.output.fields), solves)
+
+
+def _default_substeps(settings: SolverSettings) -> int:
+    if settings.name != "newton-multigrid":
+        return DEFAULT_SUBSTEPS
+    return NEWTON_SUBSTEPS if settings.accuracy is None else CONTROLLED_SUBSTEPS
+
+
+def _controlled(scene: Scene, stages: list[Stage]) -> list[Stage]:
+    """The stages of a substep, and what it takes to know the error that it leaves."""
+    accuracy = scene.solver.accuracy
+    note = "no accuracy asked for" if accuracy is None else f"below {100.0 * accuracy:g}% of the motion, by substeps"
+    control = Stage("error control", "frame", accuracy is not None, note)
+    if accuracy is None or scene.solver.name == "verlet":
+        return [*stages, control]
+    half = 0.5 * sum(stage.passes for stage in stages if stage.when == "substep" and stage.runs)
+    return [*stages, Stage("companion", "substep", True, "half the substeps, for the error", passes=half), control]
 
 
 def _check_fields(scene: Scene, hierarchy: Hierarchy | None, explicit: bool) -> None:

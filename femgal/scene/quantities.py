@@ -34,6 +34,10 @@ class Words:
     text: str
 
 
+# Relative trajectory errors that may be asked for. Below, what a file holds in single precision is no better; above, a
+# motion has little to do with the right one.
+FINEST_ACCURACY, COARSEST_ACCURACY = 1e-6, 0.5
+
 _HUGE = sys.float_info.max
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -83,6 +87,19 @@ def _radius(value: Any) -> Any:
     raise PydanticCustomError("radius", "not a spectral radius")
 
 
+def _accuracy(value: Any) -> Any:
+    number = value
+    if isinstance(value, str):
+        text = value.strip()
+        try:
+            number = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+        except ValueError:
+            raise PydanticCustomError("accuracy", "not an accuracy") from None
+    if _is_number(number) and FINEST_ACCURACY <= number <= COARSEST_ACCURACY:
+        return float(number)
+    raise PydanticCustomError("accuracy", "out of range" if _is_number(number) else "not an accuracy")
+
+
 def _increasing(times: tuple[float, ...]) -> tuple[float, ...]:
     if not times or any(later <= earlier for earlier, later in pairwise(times)):
         raise PydanticCustomError("times", "times do not increase")
@@ -125,3 +142,6 @@ StepLengths = Annotated[
     Words('"spectral", "exact", "backtracking", "lu2025" or [w_coarse, w_fine] with 0 < w < 2'),
 ]
 SpectralRadius = Annotated[Any, BeforeValidator(_radius), Words('"auto" or a number between 0 and 1')]
+Accuracy = Annotated[
+    Any, BeforeValidator(_accuracy), Words(f'from {FINEST_ACCURACY:g} to {COARSEST_ACCURACY:g}, as 0.01 or "1%"')
+]

@@ -9,6 +9,7 @@ import numpy as np
 
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import Hierarchy
+from femgal.hierarchy.layer import free_parts
 from femgal.kernels.backend import Backend
 from femgal.kernels.cpu.threads import Workers
 from femgal.scene.model import Scene, SolverSettings
@@ -17,6 +18,9 @@ from femgal.solvers.build import build_solver
 from femgal.timestep.backward_euler import BackwardEuler
 from femgal.timestep.bdf2 import BDF2
 from femgal.timestep.bottleneck import find_bottleneck
+from femgal.timestep.companion import Companion
+from femgal.timestep.control import AccuracyControl, ErrorEstimator
+from femgal.timestep.frequency_shift import FrequencyShift
 from femgal.timestep.implicit import ImplicitMethod
 from femgal.timestep.mass_scaling import MassScaling, scale_mass
 from femgal.timestep.stable_step import element_stiffness, vertex_stiffness
@@ -35,10 +39,29 @@ def build_stepper(
     damping = scene.damping if plan.runs("damping") else 0.0
     motions = motions if plan.runs("fixed vertices") or plan.runs("moving vertices") else ()
     if settings.name == "verlet":
-        return VelocityVerlet(backend, gravity, damping, motions, settings.safety, settings.substeps)
-    solver = build_solver(scene, plan, backend, hierarchy)
-    assert plan.substeps is not None
-    return _STEPPINGS[settings.stepping](backend, solver, plan.substeps, gravity, damping, motions)
+        verlet = VelocityVerlet(backend, gravity, damping, motions, settings.safety, settings.substeps)
+        return _controlled(scene, verlet, FrequencyShift(backend.disc))
+    substeps = plan.substeps
+    assert substeps is not None
+
+    def method(substeps: int) -> ImplicitMethod:
+        solver = build_solver(scene, plan, backend, hierarchy)
+        return _STEPPINGS[settings.stepping](backend, solver, substeps, gravity, damping, motions)
+
+    if settings.accuracy is None:
+        return method(substeps)
+    return _controlled(scene, method(2), Companion(method(1), backend.disc.mass), substeps)
+
+
+def _controlled(
+    scene: Scene, stepper: VelocityVerlet | ImplicitMethod, estimator: ErrorEstimator, substeps: int = 1
+) -> TimeStepper:
+    """The method, with its error under control where the scene gives an accuracy."""
+    disc, accuracy = stepper.backend.disc, scene.solver.accuracy
+    if accuracy is None:
+        return stepper
+    free = free_parts(disc) is not None
+    return AccuracyControl(stepper, estimator, accuracy, scene.frames, disc.mass, free, substeps)
 
 
 def prepare_mass(

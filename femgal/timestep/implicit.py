@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from femgal.kernels.backend import Backend
 from femgal.solvers.solver import Outcome, Solver, minimise
 from femgal.timestep.potential import IncrementalPotential
-from femgal.timestep.state import Motion, MotionState, place
+from femgal.timestep.state import Motion, MotionState, least_substeps, place
 
 Floats = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ class ImplicitMethod(ABC):
         """
         if substeps is None:
             taken = int(state.memory.get("substeps", (0,))[0])
-            substeps = max(self.substeps, math.ceil(CAUTION_KEPT * taken))
+            substeps = max(self.substeps, least_substeps(state), math.ceil(CAUTION_KEPT * taken))
         h_e = self.effective_step(duration / substeps)
         potential = IncrementalPotential(self.backend, state.x, h_e, least_response=self.least_response)
         return self.solver.prepare(state, potential), substeps
@@ -111,7 +111,7 @@ class ImplicitMethod(ABC):
         if not np.isfinite(state.x).all():
             return state, 2 * substeps
         memory = {name: array for name, array in state.memory.items() if name != "substeps"}
-        if substeps > self.substeps:
+        if substeps > max(self.substeps, least_substeps(state)):
             memory["substeps"] = np.array([substeps])
         return replace(state, memory=memory), None
 

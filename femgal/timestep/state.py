@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+# Entry of a state's memory: substeps of the next frame at the least, for reasons that are not the method's own.
+LEAST_SUBSTEPS = "least_substeps"
+
 
 @dataclass(frozen=True, eq=False)
 class MotionState:
@@ -75,3 +78,8 @@ def place(motions: Sequence[Motion], time: float, x: Floats) -> None:
     """Put the constrained vertices where they have to be at a time, in place."""
     for motion in motions:
         x[motion.vertices] = motion.positions(time)
+
+
+def least_substeps(state: MotionState) -> int:
+    """Substeps of the next frame that somebody else than the method asks for; 1 where nobody does."""
+    return int(state.memory.get(LEAST_SUBSTEPS, (1,))[0])

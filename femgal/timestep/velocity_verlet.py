@@ -14,7 +14,7 @@ from femgal.kernels.backend import Backend
 from femgal.kernels.cpu.motion import accelerate_kick, kick_drift
 from femgal.kernels.cpu.threads import Workers
 from femgal.solvers.spectrum import largest_frequency_squared, random_start
-from femgal.timestep.state import Motion, MotionState, place
+from femgal.timestep.state import Motion, MotionState, least_substeps, place
 
 Floats = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class VelocityVerlet:
 
     def _planned(self, state: MotionState, duration: float, caution: float) -> int:
         omega2 = max(float(state.memory["omega2_rest"][0]), float(state.memory["omega2"][0]))
-        return max(1, math.ceil(caution * duration * math.sqrt(omega2) / (2.0 * self.safety)))
+        return max(least_substeps(state), math.ceil(caution * duration * math.sqrt(omega2) / (2.0 * self.safety)))
 
     def end_frame(self, state: MotionState, duration: float, substeps: int) -> tuple[MotionState, int | None]:
         """Estimate the stable step at the end of a frame; asks for more substeps if those taken were too long."""

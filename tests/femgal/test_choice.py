@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The choice of a solver for an accuracy.
+
+1. Where velocity Verlet needs few substeps it is chosen without a pilot; nothing but its stable step is computed.
+2. A stiff body that is moved slowly is given to Newton's method; the reason names both costs.
+3. The choice is the same every time, and the simulation of a chosen solver is that of the solver named.
+4. A pilot that costs too much is given up for Verlet.
+5. A mesh or material that would need more substeps than any run can make is refused, with the number.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from femgal import choice
+from femgal.choice import choose, with_solver
+from femgal.scene.load import load_scene
+from femgal.simulation import Simulation
+from meshes.errors import InputError
+
+SLOW = {"constraints.1.path": {"times": [0.0, 10.0], "offsets": [[0, 0, 0], [1.5, 0, 0]]}}
+SLOW |= {f"bodies.{body}.E": 1e10 for body in range(4)}
+
+
+def beams(accuracy="5%", frames=10, **changes):
+    overrides = {"solver.name": "auto", "solver.accuracy": accuracy, "solver.threads": 1, **changes}
+    return load_scene("beam-stretch", vertices=60, frames=frames, overrides=overrides)
+
+
+def test_few_substeps_need_no_pilot(monkeypatch):
+    monkeypatch.setattr(choice, "_pilot", None)
+    simulation = Simulation.prepare(beams())
+    assert (simulation.scene.solver.name, simulation.choice.solver) == ("verlet", "verlet")
+    assert simulation.scene.solver.accuracy == 0.05
+    assert simulation.choice.newton_cost is None
+    assert f"stable with {simulation.choice.substeps} substeps" in str(simulation.choice)
+
+
+def test_stiff_and_slow():
+    scene = beams(frames=40, **SLOW)
+    first, second = Simulation.prepare(scene), Simulation.prepare(scene)
+    assert first.choice == second.choice
+    found = first.choice
+    assert found.solver == first.scene.solver.name == "newton-multigrid"
+    assert found.newton_cost < found.verlet_cost
+    assert f"{found.newton_cost:.0f}" in found.reason
+    assert f"{found.verlet_cost:.0f}" in found.reason
+    named = Simulation.prepare(with_solver(scene, "newton-multigrid", found.substeps))
+    assert named.fingerprint == first.fingerprint == second.fingerprint
+
+
+def test_a_pilot_may_be_given_up(monkeypatch):
+    monkeypatch.setattr(choice, "MOST_PILOT_SHARE", 1e-3)
+    found = Simulation.prepare(beams(frames=40, **SLOW)).choice
+    assert (found.solver, found.newton_cost) == ("verlet", None)
+
+
+def test_too_many_substeps(monkeypatch):
+    monkeypatch.setattr(choice, "_pilot", lambda simulation, most: None)
+    scene = beams(frames=1, **{f"bodies.{body}.E": 1e18 for body in range(4)})
+    with pytest.raises(InputError, match="cannot be kept") as error:
+        choose(scene, lambda candidate: Simulation.prepare(candidate))
+    assert "substeps a frame" in str(error.value)
