@@ -149,7 +149,7 @@ class SolverSettings(Table):
     accuracy : Relative error of the motion asked for, 0.01 or "1%"; with ``auto`` (1% when left out), ``verlet``
         or ``newton-multigrid``; without a name it means ``auto``. Substeps then follow from estimates of the error,
         which are reported: root mean square over vertices (by mass) and frames of the distance from the exact motion of
-        this mesh, over that of the motion. Not for chaotic motions: after a random start two runs part whatever they do.
+        this mesh, over that of the motion. Not for chaotic motions: from a random start any two runs part.
     stepping : How time is stepped: ``backward-euler`` (first order; loses energy, never gains any), ``bdf2`` (second
         order) or ``tr-bdf2`` (second order with two solves per step: of a given cost a third to a half of the error of
         ``bdf2``; the default of ``newton-multigrid``). Not for ``verlet``.
