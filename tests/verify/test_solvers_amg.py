@@ -3,10 +3,13 @@
 
 1. The cycle is symmetric and positive definite.
 2. With it Newton's method converges to the reference's minimiser, held or free, with and without rotations.
-3. On a stiff system it needs fewer iterations with rigid body modes than without, and fewer than block Jacobi.
+3. Where masses rule and most vertices stand alone, so that the coarsest matrix is singular, it does so too.
+4. On a stiff system it needs fewer iterations with rigid body modes than without, and fewer than block Jacobi.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ import pytest
 from femgal.solvers.solver import Outcome
 from tests.verify.thrown_beam import X, distance, minimiser, solved, thrown
 from verify.problems.bodies import rng
+from verify.reference.newton import ReferenceNewton
 from verify.solvers.amg import SmoothedAggregation
 from verify.solvers.newton import Newton
 from verify.solvers.system import AssembledJacobi
@@ -43,6 +47,15 @@ def test_converges_to_the_minimiser(rigid_modes, held):
     state = solved(solver, phi)
     assert state.outcome is Outcome.CONVERGED
     assert distance(state.x, phi, minimiser(held=held)) <= 1e-9
+
+
+def test_where_masses_rule():
+    phi = replace(thrown(), h=1e-3)
+    solver = Newton(phi.backend, SmoothedAggregation(phi.backend), tolerance=1e-11)
+    state = solved(solver, phi)
+    assert state.outcome is Outcome.CONVERGED
+    assert solver.effort.definite == 0
+    assert distance(state.x, phi, solved(ReferenceNewton(phi.backend.disc), phi).x) <= 1e-9
 
 
 def test_iterations_of_a_stiff_system():
