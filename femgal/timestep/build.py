@@ -14,10 +14,10 @@ from femgal.kernels.backend import Backend
 from femgal.kernels.cpu.threads import Workers
 from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan
-from femgal.solvers.build import build_solver
 from femgal.timestep.backward_euler import BackwardEuler
 from femgal.timestep.bdf2 import BDF2
 from femgal.timestep.bottleneck import find_bottleneck
+from femgal.timestep.build_solver import build_solver
 from femgal.timestep.companion import Companion
 from femgal.timestep.control import AccuracyControl, ErrorEstimator
 from femgal.timestep.frequency_shift import FrequencyShift
