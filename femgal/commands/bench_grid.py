@@ -20,6 +20,7 @@ _HELP = {
     "solver": 'A curve with choices: "fas substeps=5,10,25 steps=exact,spectral label=mine".',
     "vary": "Choices for every solver that has the key: steps=exact,spectral",
     "limit": "Longest time of one run [s]; then it counts as failed.",
+    "cluster": "Run on the workers of this Dask scheduler: tcp://127.0.0.1:8786.",
     "clock": "The time that counts: wall, cpu (of all threads), or auto: cpu on one thread.",
     "gap": "Measure the energy gap of the first N substeps, by a direct solver: for small meshes.",
     "json": "Write the record to PATH; - prints it and nothing else.",
@@ -58,6 +59,7 @@ _HELP = {
 @click.option("--refresh-references", is_flag=True, help="Make the references anew.")
 @click.option("--keep-older", is_flag=True, help=_HELP["older"])
 @click.option("--retry-failed", is_flag=True, help="Run failed rows again.")
+@click.option("--cluster", metavar="ADDRESS", help=_HELP["cluster"])
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help=_HELP["report"])
 @click.option("--json", "json_path", metavar="PATH", help=_HELP["json"])
 @click.option("--force", is_flag=True, help="Overwrite an existing file; write into a folder that holds other files.")
@@ -89,6 +91,8 @@ def grid(ctx: click.Context, **options: Any) -> None:
     except KeyboardInterrupt:
         click.echo("stopped; the same command goes on", err=True)
         code = INTERRUPTED
+    finally:
+        study.executor.close()
     out.deliver(study, typed_command(ctx))
     ctx.exit(code)
 
@@ -143,9 +147,13 @@ def _study(grid: Grid, options: dict[str, Any]) -> Study:
 
 
 def _executor(options: dict[str, Any]) -> Executor:
-    from verify.work_precision.executor import Local
+    if options["cluster"] is None:
+        from verify.work_precision.executor import Local
 
-    return Local()
+        return Local()
+    from verify.work_precision.cluster import Cluster
+
+    return Cluster(options["cluster"])
 
 
 class _Out:

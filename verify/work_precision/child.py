@@ -6,8 +6,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import resource
+import signal
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -18,9 +20,13 @@ from meshes.errors import InputError
 from verify.work_precision.request import Request
 from verify.work_precision.store import write_result
 
+# prctl(2): the signal that this process gets when the one that started it dies.
+_PR_SET_PDEATHSIG = 1
+
 
 def main(request_file: Path, out: Path) -> None:
     """Carry out a request; what the user can cause is a result too."""
+    _die_with_the_parent()
     request = Request.from_json(request_file.read_text(encoding="utf-8"))
     numbers: dict[str, Any] = {"label": request.label, "failure": None, "load": os.getloadavg()[0]}
     arrays = None
@@ -38,6 +44,12 @@ def main(request_file: Path, out: Path) -> None:
     except InputError as error:
         numbers |= {"failure": str(error), "failure_kind": "input"}
     write_result(out, numbers | {"peak_mb": _peak_mb()}, arrays)
+
+
+def _die_with_the_parent() -> None:
+    """Nobody is left to read the result; a worker that was killed must not leave a run behind that takes its CPU."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _peak_mb() -> float:

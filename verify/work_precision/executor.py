@@ -34,6 +34,9 @@ class Executor(Protocol):
         begun, done : Called when a job begins and when its result is there.
         """
 
+    def close(self) -> None:
+        """Let go of whatever it holds."""
+
 
 class Local:
     """Runs on this machine, one at a time, so that none disturbs another's time."""
@@ -44,3 +47,6 @@ class Local:
             begun(job)
             launch(job.request, job.store.stem(job.request))
             done(job)
+
+    def close(self) -> None:
+        """Nothing is held."""

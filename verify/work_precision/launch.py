@@ -27,6 +27,15 @@ _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _MOST_WORDS = 2000
 
 
+# Processes of this one that run now, and those that were asked to end.
+_running: set[subprocess.Popen[bytes]] = set()
+_unwanted: set[subprocess.Popen[bytes]] = set()
+
+
+class Unwanted(Exception):
+    """The run was ended because nobody wants its result any more."""
+
+
 def launch(request: Request, out: Path) -> None:
     """Run a request; OUT.json is there afterwards, whatever happens to the run.
 
@@ -34,6 +43,8 @@ def launch(request: Request, out: Path) -> None:
     ------
     KeyboardInterrupt
         The user stops; the process is stopped first, and the run has no result.
+    Unwanted
+        `end_all` was called; no result either.
     """
     out.with_suffix(".json").unlink(missing_ok=True)
     with tempfile.TemporaryDirectory(prefix="femgal-bench-") as folder:
@@ -46,12 +57,28 @@ def launch(request: Request, out: Path) -> None:
             process = subprocess.Popen(
                 command, stdout=words, stderr=words, env=_environment(request), start_new_session=True
             )
-            late = _wait(process, request.time_limit)
+            _running.add(process)
+            try:
+                late = _wait(process, request.time_limit)
+            finally:
+                _running.discard(process)
             words.seek(0)
             said = words.read().decode(errors="replace").strip()[-_MOST_WORDS:]
+    if process in _unwanted:
+        _unwanted.discard(process)
+        _remove_parts(out)
+        raise Unwanted
     if late or process.returncode != 0:
         _remove_parts(out)
         write_result(out, _failure(request, process.returncode, late, said, time.perf_counter() - began))
+
+
+def end_all() -> None:
+    """End the runs of all threads of this process; none of them has a result."""
+    for process in list(_running):
+        _unwanted.add(process)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 def _wait(process: subprocess.Popen[bytes], limit: float | None) -> bool:
