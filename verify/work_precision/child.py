@@ -36,6 +36,10 @@ def main(request_file: Path, out: Path) -> None:
             from verify.work_precision.survey import survey
 
             numbers |= survey(scene)
+        elif request.kind == "substep":
+            from verify.work_precision.run_substep import run_substep
+
+            numbers |= run_substep(scene, request)
         else:
             from verify.work_precision.run_motion import run_motion
 

@@ -16,7 +16,7 @@ from verify.work_precision.sources import source_digest
 # Raised when a run measures something else than before.
 VERSION = 1
 
-Kind = Literal["motion", "survey"]
+Kind = Literal["motion", "survey", "substep"]
 
 
 @dataclass(frozen=True)
@@ -25,12 +25,14 @@ class Request:
 
     Parameters
     ----------
-    kind : "motion": solve the scene; "survey": build it, and say how large and how slow it is.
+    kind : "motion": solve the scene; "survey": build it, and say how large and how slow it is; "substep": solve one
+        of its steps, iteration by iteration.
     label : For people.
     scene : Text of the scene file.
     solver : Solver of `verify.solvers` in place of the scene's; None for the scene's own.
     settings : Settings of that solver.
     gaps : Substeps whose energy gap is measured.
+    options : What a substep is taken at, and for how long it is solved (`verify.work_precision.run_substep`).
     repeat : 0, or the number of the repetition.
     identity : What the result depends on, where that is not the text of the scene and all sources.
     time_limit : Longest time [s]; None for any.
@@ -42,6 +44,7 @@ class Request:
     solver: str | None = None
     settings: dict[str, Any] = field(default_factory=dict)
     gaps: int = 0
+    options: dict[str, Any] = field(default_factory=dict)
     repeat: int = 0
     identity: str | None = None
     time_limit: float | None = None
@@ -50,6 +53,7 @@ class Request:
     def key(self) -> str:
         """Digest of all that the result depends on but the sources, 16 hexadecimal digits."""
         parts = (self.identity,) if self.identity else (self.scene, self.solver, self.settings, self.gaps)
+        parts += (self.options,) if self.options else ()
         text = json.dumps([VERSION, self.kind, self.repeat, *parts], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -58,7 +62,9 @@ class Request:
         """Name of the result's files: the key, and the sources where they count."""
         if self.identity:
             return self.key
-        return f"{self.key}-{source_digest(with_reference_solvers=self.solver is not None)}"
+        of_a_substep = self.kind == "substep"
+        digest = source_digest(with_reference_solvers=self.solver is not None, with_substeps=of_a_substep)
+        return f"{self.key}-{digest}"
 
     def as_json(self) -> str:
         """All of it."""
@@ -93,6 +99,24 @@ def motion_request(
     solver = method.name if method.is_reference else None
     settings = method.own_settings if solver else {}
     return Request("motion", f"{label}: {method}", text, solver, settings, gaps, time_limit=time_limit)
+
+
+def substep_request(
+    scene: Scene, method: Method, threads: int, label: str, options: dict[str, Any], time_limit: float | None = None
+) -> Request:
+    """Solve one step of a scene with a method, iteration by iteration.
+
+    Parameters
+    ----------
+    options : Of `verify.work_precision.run_substep.SubstepOptions`.
+
+    Raises
+    ------
+    InputError
+        Settings that the solver does not have.
+    """
+    request = motion_request(scene, method, threads, label, time_limit=time_limit)
+    return replace(request, kind="substep", options=options)
 
 
 def scene_text(scene: Scene) -> str:

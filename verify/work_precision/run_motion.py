@@ -56,7 +56,7 @@ def run_motion(scene: Scene, request: Request) -> tuple[dict[str, Any], Arrays]:
     stages = _Stages()
     simulation = Simulation.prepare(scene, stages)
     stages("compiling and estimating")
-    counted = _seated(simulation, request)
+    counted = seat_solver(simulation, request)
     simulation.compile()
     _warm_up(simulation)
     stages(None)
@@ -74,7 +74,7 @@ def _warm_up(simulation: Simulation) -> None:
         state = simulation.stepper.step(state, h)
 
 
-def _seated(simulation: Simulation, request: Request) -> CountedSolver | None:
+def seat_solver(simulation: Simulation, request: Request) -> CountedSolver | None:
     """Put the solver that is asked for into its seat, and a counter around it; None for an explicit method."""
     stepper = simulation.stepper
     if not isinstance(stepper, ImplicitMethod):

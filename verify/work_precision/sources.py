@@ -19,14 +19,16 @@ _EXPLICIT = ("materials", "discretisation.py", "timestep/velocity_verlet.py", "t
 
 # Of verify a run of its solvers executes these, if they are there.
 _OF_VERIFY = ("solvers", "reference", "work_precision/child.py", "work_precision/run_motion.py")
+_OF_SUBSTEPS = ("work_precision/run_substep.py",)
 
 
 @cache
-def source_digest(*, with_reference_solvers: bool = False) -> str:
+def source_digest(*, with_reference_solvers: bool = False, with_substeps: bool = False) -> str:
     """Of everything that a run executes, 8 hexadecimal digits."""
     folders = [_folder(femgal), _folder(meshes)]
     files = [path for folder in folders for path in folder.rglob("*.py")]
     files += _below(_folder(verify), _OF_VERIFY if with_reference_solvers else _OF_VERIFY[2:])
+    files += _below(_folder(verify), _OF_SUBSTEPS if with_substeps else ())
     return _digest(files)[:8]
 
 

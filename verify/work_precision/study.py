@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from meshes.errors import InputError
-from verify.work_precision.executor import Executor, Job
+from verify.work_precision.carry_out import carry_out
+from verify.work_precision.executor import Executor
 from verify.work_precision.front import finalists
 from verify.work_precision.grid import Grid
 from verify.work_precision.horizon import Horizon, choose_horizon
@@ -36,11 +37,13 @@ class Options:
     clock : Which time counts.
     gaps : Substeps whose energy gap is measured.
     refresh_references : Make references anew.
+    references : Make references at all; without them nothing is said of errors.
     """
 
     clock: Clock = "wall"
     gaps: int = 0
     refresh_references: bool = False
+    references: bool = True
 
 
 @dataclass(eq=False)
@@ -99,7 +102,8 @@ class Study:
 
     def _first_runs(self) -> Iterator[tuple[Request, Store]]:
         for problem in self.problems:
-            yield from ((request, self.references) for request in self._pair(problem).both)
+            if self.options.references:
+                yield from ((request, self.references) for request in self._pair(problem).both)
             yield from ((self._request(problem, method), self.store) for method in self.methods)
 
     def _repetitions(self) -> Iterator[tuple[Request, Store]]:
@@ -128,6 +132,8 @@ class Study:
 
     def reference(self, problem: Problem) -> ReferenceMotion | str:
         """The reference of a scene, or why there is none."""
+        if not self.options.references:
+            return "none was asked for"
         if self.store.find(survey_request(problem.scene, problem.id)) is None:
             return "has not been run"
         return read_reference(self._pair(problem), self.references)
@@ -166,29 +172,4 @@ class Study:
         return [found for found in map(self.store.find, wanted) if found is not None]
 
     def _carry_out(self, wanted: Iterable[tuple[Request, Store]]) -> None:
-        """Run what has no result yet, each request once."""
-        jobs = {request.name: Job(request, store) for request, store in wanted if store.find(request) is None}
-        count = itertools.count(1)
-        total = len(jobs)
-
-        def begun(job: Job) -> None:
-            self.announce(f"[{next(count)}/{total}] {job.request.label}")
-
-        def done(job: Job) -> None:
-            self.announce(f"    {_told(job)}")
-
-        if jobs:
-            self.executor.run(list(jobs.values()), begun, done)
-
-
-def _told(job: Job) -> str:
-    found = job.store.find(job.request)
-    if found is None:
-        return f"{job.request.label}: no result"
-    if found.failure:
-        return f"{job.request.label}: FAILED, {found.failure.splitlines()[0]}"
-    frames = found.numbers.get("rows")
-    if not frames:
-        return f"{job.request.label}: done"
-    seconds = sum(frame["seconds"] for frame in frames) / len(frames)
-    return f"{job.request.label}: {seconds:.3g} s per frame"
+        carry_out(self.executor, wanted, self.announce)
