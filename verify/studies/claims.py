@@ -211,8 +211,8 @@ def _value(claim: Claim, numbers: Numbers, problem: str, curve: str, level: floa
         return next((e[claim.what] for e in entries), None)
     rows = numbers.get("rows", numbers.get("traces", ()))
     mine = [row for row in rows if row["problem"] == problem and row["curve"] == curve and row["status"] == "done"]
-    key = {"seconds per frame": "seconds"}.get(claim.what, claim.what)
-    values = [row[key] for row in mine if row[key] is not None]
+    what = {"seconds per frame": "seconds"}.get(claim.what, claim.what)
+    values = [row[what] for row in mine if row[what] is not None]
     return max(values, default=None)
 
 

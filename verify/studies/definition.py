@@ -105,9 +105,9 @@ class Part(Table):
 
     def shrunk(self) -> Part:
         """The quick version."""
-        own = {key: self.quick[key] for key in ("substeps", "options") if key in self.quick}
-        changed = {"grid": {**self.grid, **{k: v for k, v in self.quick.items() if k not in own}}, **own}
-        return Part.model_validate({**self.model_dump(), **changed, "quick": {}})
+        own = {key: value for key, value in self.quick.items() if key in ("substeps", "options")}
+        grid = {**self.grid, **{key: value for key, value in self.quick.items() if key not in own}}
+        return Part.model_validate({**self.model_dump(), **own, "grid": grid, "quick": {}})
 
     def with_grid(self, **changes: Any) -> Part:
         """With other values of some of the grid's keys; None leaves the key as it is."""

@@ -52,7 +52,9 @@ class Request:
     @property
     def key(self) -> str:
         """Digest of all that the result depends on but the sources, 16 hexadecimal digits."""
-        parts = (self.identity,) if self.identity else (self.scene, self.solver, self.settings, self.gaps)
+        parts: tuple[Any, ...] = (
+            (self.identity,) if self.identity else (self.scene, self.solver, self.settings, self.gaps)
+        )
         parts += (self.options,) if self.options else ()
         text = json.dumps([VERSION, self.kind, self.repeat, *parts], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
