@@ -72,7 +72,8 @@ class Newton:
     backend : Element passes.
     preconditioner : Of the linear systems.
     budget : Newton iterations at most, and an absolute tolerance where one is asked for.
-    reduction : Converged when the residual has fallen to this share of that at the start of the step.
+    reduction : Converged when the residual has fallen to this share of that at the start of the step; with an absolute
+        tolerance, when that is met, and the first linear system is solved to this share.
     linear_iterations : Conjugate gradient iterations of one Newton iteration, at most.
     free_parts : Layer of the parts that no constraint holds, put where their momentum takes them after each iteration;
         None when there is none. Conjugate gradients that stop early do not keep it.
@@ -106,8 +107,7 @@ class Newton:
         backend, x = self.backend, state.x
         g = backend.nodal_gradient(backend.vertices, x, potential.xhat, potential.inverse_h2)
         self.preconditioner.refresh(potential, x, reuse=self._fresh)
-        # The share of the residual here that is wanted, known from the second iteration on.
-        solution = self._solve(potential, x, g, self.reduction if state.start == 0.0 else None, state)
+        solution = self._solve(potential, x, g, self._share(state), state)
         start = state.start or solution.start
         if solution.iterations == 0:
             left = 0.0 if start == 0.0 else solution.start / start
@@ -126,6 +126,13 @@ class Newton:
         return NewtonState(
             x, state.iteration + 1, (moved,), start=start, left=left, products=state.products + solution.iterations
         )
+
+    def _share(self, state: NewtonState) -> float | None:
+        """Share of the residual that a linear solve may leave; None where that follows from the residual at x."""
+        if self.budget.tolerance is not None:
+            # Where the end of it is not known, each system is solved better than the last: the model gets better too.
+            return self.reduction ** (state.iteration + 1)
+        return self.reduction if state.start == 0.0 else None
 
     def _solve(
         self, potential: IncrementalPotential, x: Floats, g: Floats, reduction: float | None, state: NewtonState

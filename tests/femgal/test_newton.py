@@ -10,6 +10,7 @@
 6. Where the Hessian is indefinite the potential still falls at every iteration.
 7. A new frame has a new preconditioner, so a motion goes on from a saved state as if it had not stopped.
 8. A body at rest stays there, and what is not finite is reported.
+9. An absolute tolerance is met, however loose the reduction.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from femgal.solvers.newton import Newton, NewtonState, nonlinearity
 from femgal.solvers.preconditioner import LayerBlocks
 from femgal.solvers.solver import Budget, Outcome, minimise
 from femgal.timestep.bdf2 import BDF2
-from femgal.timestep.potential import IncrementalPotential
+from femgal.timestep.potential import IncrementalPotential, eps18
 from verify.problems.bodies import Moving, distorted_box, left_end, rng, uniform
 from verify.reference.elasticity import AssembledElasticity
 from verify.reference.newton import ReferenceNewton
@@ -212,3 +213,11 @@ def test_the_budget_is_a_limit():
     state = minimise(Newton(BACKEND, LayerBlocks(CONSTANT), Budget(1), reduction=1e-9), far, {})
     assert state.outcome is Outcome.NOT_CONVERGED
     assert state.iteration == 1
+
+
+@pytest.mark.parametrize("reduction", [0.05, 0.5])
+def test_an_absolute_tolerance_is_met(reduction):
+    state = minimise(Newton(BACKEND, LayerBlocks(CONSTANT), Budget(20, 1e-13), reduction), PHI, {})
+    assert state.outcome is Outcome.CONVERGED
+    assert eps18(PHI.residual(state.x)) <= 1e-13
+    np.testing.assert_allclose(state.x, MINIMISER, rtol=0, atol=1e-11)
