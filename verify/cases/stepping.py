@@ -23,8 +23,18 @@ from verify.suite.use import SEED, Use
 
 Floats = NDArray[np.float64]
 
-SOLVERS = ("verlet", "fas", "fas-linear", "jacobi", "scalar-jacobi", "newton", "newton-bdf2")
-QUICK = {"solver": ("verlet", "fas", OWN_SOLVER)}
+SOLVERS = (
+    *("verlet", "fas", "fas-linear", "fas-bdf2", "newton-multigrid", "newton-multigrid-euler", "newton-multigrid-bdf2"),
+    *("vbd", "vbd-explicit", "jacobi", "jacobi-explicit", "scalar-jacobi"),
+    *("newton", "newton-bdf2", "newton-tr-bdf2"),
+)
+QUICK = {"solver": ("verlet", "fas", "fas-bdf2", "newton-multigrid", OWN_SOLVER)}
+
+# Production's solvers of backward Euler's steps.
+_EULER = (
+    *("fas", "fas-linear", "newton-multigrid-euler"),
+    *("vbd", "vbd-explicit", "jacobi", "jacobi-explicit", "scalar-jacobi"),
+)
 
 # Of the step over the period of the lowest mode: the highest one of the little bar is 26 times as fast, and explicit
 # steps of it are stable.
@@ -50,11 +60,15 @@ _SPEED = 10.0
     tolerance=1e-8,
     reason="eps18 of 1e-13 of the size bounds the distance in the norm of the masses, which differ by a factor of 100",
     over={
-        "solver": ("fas", "fas-linear", "jacobi", "scalar-jacobi"),
+        "solver": _EULER,
         "mesh": ("box", "rabbit", "bunny"),
         "step": ("short", "long"),
     },
-    quick={"solver": ("fas", "fas-linear", "jacobi", OWN_SOLVER), "mesh": ("box",), "step": ("long",)},
+    quick={
+        "solver": tuple(name for name in (*_EULER, OWN_SOLVER) if name != "scalar-jacobi"),
+        "mesh": ("box",),
+        "step": ("long",),
+    },
     requires="scikit-fem; the bunny's surface for its rows",
     own_solver=True,
 )
@@ -77,7 +91,10 @@ def one_step(use: Use, *, solver: str, mesh: str, step: str) -> Measurement:
     quantity="relative error of the frequency over 40 steps of h omega = 0.07, in units of the method's own error",
     unit="1/s",
     kind=Kind.CROSS_CODE,
-    formula="K phi = omega^2 M phi; own errors: (h omega)^2 / 24 of Verlet, (h omega)^2 / 3 of backward Euler and BDF2",
+    formula=(
+        "K phi = omega^2 M phi; own errors: (h omega)^2 / 24 of Verlet, (h omega)^2 / 3 of backward Euler and BDF2, "
+        "(1/sqrt(2) - 2/3) (h omega)^2 of TR-BDF2"
+    ),
     source="scikit-fem's Hessian at rest and lumped mass, dense symmetric eigenvalues (LAPACK); orders of the methods",
     tolerance=1.05,
     reason="the method's own error and terms of the next order; (h omega)^2 / 3 for a solver that names no method",
@@ -88,7 +105,8 @@ def one_step(use: Use, *, solver: str, mesh: str, step: str) -> Measurement:
 def frequency(use: Use, *, solver: str) -> Measurement:
     """By the recursion q_{n+1} = a q_n - b q_{n-1} that fits the amplitudes best: its roots turn by the phase."""
     omega, _ = lowest_mode()
-    own_error = (_H * omega) ** 2 / (24.0 if solver_under_test(solver, use).method == "verlet" else 3.0)
+    share = {"verlet": 1.0 / 24.0, "tr-bdf2": np.sqrt(0.5) - 2.0 / 3.0}
+    own_error = (_H * omega) ** 2 * share.get(solver_under_test(solver, use).method or "", 1.0 / 3.0)
     # The parasitic root of a multistep method has died out after ten steps.
     q = amplitudes(solver, use)[10:]
     (a, b), *_ = np.linalg.lstsq(np.stack([q[1:-1], -q[:-2]], axis=1), q[2:], rcond=None)
@@ -127,7 +145,9 @@ def strained(use: Use, *, solver: str) -> Measurement:
     kind=Kind.CLOSED_FORM,
     formula=(
         "q_n / q_0 = Re (1 - i h omega)^-n for backward Euler; cos n theta, sin(theta/2) = h omega / 2, for Verlet; "
-        "BDF2: Re z_n, (1 - 2/3 i h omega) z_{n+1} = (4 z_n - z_{n-1}) / 3, z_1 = 1 / (1 - i h omega)"
+        "BDF2: Re z_n, (1 - 2/3 i h omega) z_{n+1} = (4 z_n - z_{n-1}) / 3, z_1 = 1 / (1 - i h omega); TR-BDF2: "
+        "z_{n+1} = R(i h omega) z_n, R(z) = (1 + (1 - 2d) z) / (1 - d z)^2, d = 1 - 1/sqrt(2), "
+        "z_1 = R((1 - d) i h omega) / (1 - i d h omega)"
     ),
     source="the methods applied to q'' = -omega^2 q (Hairer & Wanner 1996, section IV.3)",
     tolerance=1e-5,
@@ -139,7 +159,7 @@ def strained(use: Use, *, solver: str) -> Measurement:
 def vibration(use: Use, *, solver: str) -> Measurement:
     """Started at rest in the shape of the lowest mode."""
     sut = solver_under_test(solver, use)
-    expected = _CLOSED_FORMS[sut.promises("verlet", "backward-euler", "bdf2")](_H * lowest_mode()[0])
+    expected = _CLOSED_FORMS[sut.promises(*_CLOSED_FORMS)](_H * lowest_mode()[0])
     return compare(amplitudes(solver, use), expected, 1.0)
 
 
@@ -149,7 +169,7 @@ def vibration(use: Use, *, solver: str) -> Measurement:
     quantity="observed order of the mass-weighted distance from the exact motion after a quarter of a period",
     unit="1",
     kind=Kind.ODE,
-    formula="|x_N - x(T)|_M / |x(T) - x(0)|_M = C h^p with p = 1 for backward Euler, 2 for BDF2 and velocity Verlet",
+    formula="|x_N - x(T)|_M / |x(T) - x(0)|_M = C h^p with p = 1 for backward Euler, 2 for all others here",
     source="x(T) of M x'' = -grad E by DOP853 at a relative tolerance of 1e-11",
     tolerance=0.08,
     reason="terms of the next order at the steps here",
@@ -296,8 +316,20 @@ def _of_bdf2(z: float) -> Floats:
     return np.array(q).real
 
 
+def _of_tr_bdf2(z: float) -> Floats:
+    """By the stability function of its Runge-Kutta tableau."""
+    d = 1.0 - np.sqrt(0.5)
+
+    def factor(z: complex) -> complex:
+        return (1.0 + (1.0 - 2.0 * d) * z) / (1.0 - d * z) ** 2
+
+    first = factor((1.0 - d) * 1j * z) / (1.0 - d * 1j * z)
+    return np.array([1.0, *(first * factor(1j * z) ** np.arange(_VIBRATION_STEPS)).real])
+
+
 _CLOSED_FORMS: dict[Method, Callable[[float], Floats]] = {
     "verlet": _of_verlet,
     "backward-euler": _of_backward_euler,
     "bdf2": _of_bdf2,
+    "tr-bdf2": _of_tr_bdf2,
 }

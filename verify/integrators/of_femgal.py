@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,12 +12,20 @@ from femgal.discretisation import Discretisation
 from femgal.hierarchy.hierarchy import build_constant_hierarchy, build_linear_hierarchy
 from femgal.hierarchy.layer import free_parts
 from femgal.kernels.backend import Backend
+from femgal.solvers.explicit_jacobi import ExplicitJacobi
+from femgal.solvers.explicit_vbd import ExplicitVBD
 from femgal.solvers.fas import FAS
 from femgal.solvers.jacobi import Jacobi, ScalarJacobi
+from femgal.solvers.newton import Newton
+from femgal.solvers.preconditioner import LayerBlocks
 from femgal.solvers.smoother import Relaxation
-from femgal.solvers.solver import Budget
+from femgal.solvers.solver import Budget, Solver
+from femgal.solvers.vbd import VBD
 from femgal.timestep.backward_euler import BackwardEuler
+from femgal.timestep.bdf2 import BDF2
+from femgal.timestep.implicit import ImplicitMethod
 from femgal.timestep.state import Motion, MotionState, TimeStepper
+from femgal.timestep.tr_bdf2 import TRBDF2
 from femgal.timestep.velocity_verlet import VelocityVerlet
 from meshes.types import TetMesh
 from verify.integrators.under_test import (
@@ -38,12 +46,10 @@ from verify.suite.use import Use
 TOLERANCE = 1e-13
 _MOST_ITERATIONS = 20_000
 
-PRODUCTION = ("verlet", "fas", "fas-linear", "jacobi", "scalar-jacobi")
-
 
 def production(name: str, use: Use) -> SolverUnderTest:
     """A production solver by name, with backends of the run."""
-    method: Method = "verlet" if name == "verlet" else "backward-euler"
+    method: Method = "verlet" if name == "verlet" else _IMPLICIT[name][0]
     return SolverUnderTest(name, _Production(name, use), method, ORDERS[method])
 
 
@@ -72,14 +78,17 @@ class _Production:
         if self._built is None or self._built[0] != key:
             disc = discretised(mesh, material, state.constrained)
             motions = (Moving(state.constrained, held),) if len(held) else ()
-            self._built = (key, self._build(disc, state.gravity, motions))
+            self._built = (key, stepper(self.name, self.use, disc, state.gravity, motions))
         return self._built[1]
 
-    def _build(self, disc: Discretisation, gravity: Floats, motions: tuple[Motion, ...]) -> TimeStepper:
-        backend = self.use.backend(disc)
-        if self.name == "verlet":
-            return VelocityVerlet(backend, gravity, motions=motions, substeps=1)
-        return BackwardEuler(backend, _SOLVERS[self.name](disc, backend), 1, gravity, motions=motions)
+
+def stepper(name: str, use: Use, disc: Discretisation, gravity: Floats, motions: tuple[Motion, ...]) -> TimeStepper:
+    """The time stepping of a production solver, one step a frame."""
+    backend = use.backend(disc)
+    if name == "verlet":
+        return VelocityVerlet(backend, gravity, motions=motions, substeps=1)
+    method, build = _IMPLICIT[name]
+    return _STEPPINGS[method](backend, build(disc, backend), 1, gravity, motions=motions)
 
 
 def _budget(disc: Discretisation) -> Budget:
@@ -104,9 +113,37 @@ def _scalar_jacobi(disc: Discretisation, backend: Backend) -> Relaxation:
     return ScalarJacobi(backend, (backend.vertices,), "backtracking", _budget(disc), free_parts(disc))
 
 
-_SOLVERS: dict[str, Callable[[Discretisation, Backend], Relaxation]] = {
-    "fas": _fas,
-    "fas-linear": _fas_linear,
-    "jacobi": _jacobi,
-    "scalar-jacobi": _scalar_jacobi,
+def _newton(disc: Discretisation, backend: Backend) -> Newton:
+    layers = build_constant_hierarchy(disc, 8).layers
+    return Newton(backend, LayerBlocks(layers), _budget(disc), free_parts=free_parts(disc))
+
+
+def _vbd(disc: Discretisation, backend: Backend) -> VBD:
+    return VBD(backend, _budget(disc), free_parts(disc))
+
+
+def _explicit_jacobi(disc: Discretisation, backend: Backend) -> ExplicitJacobi:
+    return ExplicitJacobi(backend, _budget(disc), free_parts(disc))
+
+
+def _explicit_vbd(disc: Discretisation, backend: Backend) -> ExplicitVBD:
+    return ExplicitVBD(backend, _budget(disc), free_parts(disc))
+
+
+_STEPPINGS: Mapping[str, type[ImplicitMethod]] = {"backward-euler": BackwardEuler, "bdf2": BDF2, "tr-bdf2": TRBDF2}
+
+_IMPLICIT: Mapping[str, tuple[Method, Callable[[Discretisation, Backend], Solver]]] = {
+    "fas": ("backward-euler", _fas),
+    "fas-linear": ("backward-euler", _fas_linear),
+    "fas-bdf2": ("bdf2", _fas),
+    "newton-multigrid": ("tr-bdf2", _newton),
+    "newton-multigrid-euler": ("backward-euler", _newton),
+    "newton-multigrid-bdf2": ("bdf2", _newton),
+    "vbd": ("backward-euler", _vbd),
+    "vbd-explicit": ("backward-euler", _explicit_vbd),
+    "jacobi": ("backward-euler", _jacobi),
+    "jacobi-explicit": ("backward-euler", _explicit_jacobi),
+    "scalar-jacobi": ("backward-euler", _scalar_jacobi),
 }
+
+PRODUCTION = ("verlet", *_IMPLICIT)

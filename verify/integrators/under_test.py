@@ -24,6 +24,8 @@ What a solver promises is what it is held to:
 * ``step.method = "verlet"`` (order 2): velocity Verlet, velocities at the same times as the positions. Then the
   discrete fall, angular momentum, reversibility, the vibration and the order of the energy's error are judged too.
 * ``step.method = "bdf2"`` (order 2): BDF2 with a first step of backward Euler; the discrete fall is judged too.
+* ``step.method = "tr-bdf2"`` (order 2): TR-BDF2, gamma = 2 - sqrt(2), whose first step begins with one of backward
+  Euler that is gamma h / 2 long; the discrete fall is judged too.
 """
 
 from __future__ import annotations
@@ -43,9 +45,9 @@ from verify.suite.case import Skip
 from verify.suite.use import Use
 
 Floats = NDArray[np.float64]
-Method = Literal["backward-euler", "bdf2", "verlet"]
+Method = Literal["backward-euler", "bdf2", "tr-bdf2", "verlet"]
 METHODS: tuple[Method, ...] = get_args(Method)
-ORDERS: Mapping[Method, int] = {"backward-euler": 1, "bdf2": 2, "verlet": 2}
+ORDERS: Mapping[Method, int] = {"backward-euler": 1, "bdf2": 2, "tr-bdf2": 2, "verlet": 2}
 
 # The name of a solver that a user has plugged in.
 OWN_SOLVER = "own"
@@ -191,7 +193,7 @@ def solver_under_test(name: str, use: Use) -> SolverUnderTest:
         return own_solver()
     if name in PRODUCTION:
         return production(name, use)
-    return {"newton": stepping.newton_backward_euler, "newton-bdf2": stepping.newton_bdf2}[name]()
+    return stepping.REFERENCES[name]()
 
 
 _own: list[SolverUnderTest] = []

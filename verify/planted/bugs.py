@@ -3,27 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-
-@dataclass(frozen=True)
-class Bug:
-    """One edit of one source file.
-
-    Parameters
-    ----------
-    name : What is wrong then, in a few words.
-    file : Where, relative to the repository.
-    old, new : The text that stands there once, and what takes its place.
-    cases : Rows that should notice, as for ``femgal verify -k``.
-    """
-
-    name: str
-    file: str
-    old: str
-    new: str
-    cases: str
-
+from verify.planted.bug import Bug
+from verify.planted.bugs_of_solvers import BUGS_OF_SOLVERS
 
 _MATERIAL = "femgal/materials/stable_neo_hookean.py"
 _FORM = "femgal/materials/displacement_form.py"
@@ -260,9 +241,9 @@ BUGS = (
     Bug("gravity times h", _NODES, "h * h * gravity[a]", "h * gravity[a]", "dynamics/free-fall[fas"),
     Bug(
         "velocity from the prediction",
-        "femgal/timestep/backward_euler.py",
-        "self.backend.difference(result.x, state.x, 1.0 / h)",
-        "self.backend.difference(potential.xhat, state.x, 1.0 / h)",
+        "femgal/timestep/implicit.py",
+        "self.backend.difference(result.x, past.y, 1.0 / past.h_e)",
+        "self.backend.difference(potential.xhat, past.y, 1.0 / past.h_e)",
         "exact/wave-backward-euler[longitudinal,fas,float64",
     ),
     Bug(
@@ -289,8 +270,8 @@ BUGS = (
     Bug(
         "step lengths twice as long",
         "femgal/solvers/smoother.py",
-        "return np.minimum(2.0 / (1.0 + lambdas), STABLE_SHARE * 4.0 / (3.0 * lambdas))",
-        "return np.minimum(4.0 / (1.0 + lambdas), STABLE_SHARE * 8.0 / (3.0 * lambdas))",
+        "return np.minimum(2.0 / (1.0 + lambdas), STABLE_SHARE * (1.0 - potential.least_response) / lambdas)",
+        "return np.minimum(4.0 / (1.0 + lambdas), 2.0 * STABLE_SHARE * (1.0 - potential.least_response) / lambdas)",
         "smoothers/largest smoothers/stable-steps",
     ),
     Bug(
@@ -328,4 +309,5 @@ BUGS = (
         _FORCES + "mu * (1.0 if l else 0.99), lam)",
         "patch/interior-forces[float64,sheared,box patch/newton[sheared,box",
     ),
+    *BUGS_OF_SOLVERS,
 )

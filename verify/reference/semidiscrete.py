@@ -45,8 +45,19 @@ def element_forces(mesh: TetMesh, material: Material) -> Callable[[Floats], Floa
     return gradient
 
 
-def exact_motion(mesh: TetMesh, material: Material, state: State, duration: float) -> State:
+def exact_motion(
+    mesh: TetMesh,
+    material: Material,
+    state: State,
+    duration: float,
+    path: Callable[[float], Floats] | None = None,
+) -> State:
     """The state after so many seconds.
+
+    Parameters
+    ----------
+    path : Positions [m] of the constrained vertices at a time [s] from the start, shape [k, 3]; they stay where they
+        are when None. Their velocities in the result are those of the start.
 
     Raises
     ------
@@ -58,8 +69,11 @@ def exact_motion(mesh: TetMesh, material: Material, state: State, duration: floa
     gradient, mass = element_forces(mesh, material), lumped_mass(mesh, material.rho)[:, None]
     shape = (2, *state.x.shape)
 
-    def rate(_: float, y: Floats) -> Floats:
+    def rate(time: float, y: Floats) -> Floats:
         x, v = y.reshape(shape)
+        if path is not None:
+            x = x.copy()
+            x[state.constrained] = path(time)
         a = state.gravity - gradient(x) / mass
         a[state.constrained] = 0.0
         return np.stack([v, a]).ravel()
@@ -71,6 +85,8 @@ def exact_motion(mesh: TetMesh, material: Material, state: State, duration: floa
     if not done.success:
         raise RuntimeError(done.message)
     x, v = done.y[:, -1].reshape(shape)
+    if path is not None:
+        x[state.constrained] = path(duration)
     return replace(state, x=x, v=v)
 
 
