@@ -27,9 +27,10 @@ def test_quick_rows():
     assert [f"{r.row}: {r.note}" for r in results if r.status is not Status.PASS] == []
     rows = {str(result.row) for result in results}
     for law in ("free-fall", "constrained", "linear-momentum", "centre-of-mass", "turned-start", "restart"):
-        assert {f"dynamics/{law}[{solver}]" for solver in ("verlet", "fas", "fas-linear", "jacobi")} <= rows
+        solvers = ("verlet", "fas", "fas-linear", "fas-bdf2", "newton-multigrid", "vbd")
+        assert {f"dynamics/{law}[{solver}]" for solver in solvers} <= rows
     for law in ("angular-momentum-loss", "energy-decay"):
-        assert {f"dynamics/{law}[{solver}]" for solver in ("fas", "fas-linear", "jacobi")} <= rows
+        assert {f"dynamics/{law}[{solver}]" for solver in ("fas", "newton-multigrid-euler", "vbd")} <= rows
     assert {"dynamics/angular-momentum[verlet]", "dynamics/rest[fas,free]"} <= rows
 
 

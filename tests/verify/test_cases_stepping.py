@@ -4,7 +4,7 @@
 1. No quick row fails, and the solvers that matter are among them.
 2. They notice a step that is solved too loosely, one that takes the wrong share of the force, and one of first order
    that says it is of second.
-3. BDF2 by the reference Newton keeps its order (slow).
+3. BDF2 and TR-BDF2 by the reference Newton keep their order (slow).
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ def test_quick_rows():
     assert [f"{r.row}: {r.note}" for r in results if r.status is not Status.PASS] == []
     rows = {str(result.row) for result in results}
     for case in ("frequency", "vibration", "strained", "order"):
-        assert {f"stepping/{case}[{solver}]" for solver in ("verlet", "fas")} <= rows
-    assert {f"stepping/one-step[{solver},box,long]" for solver in ("fas", "fas-linear", "jacobi")} <= rows
+        assert {f"stepping/{case}[{solver}]" for solver in ("verlet", "fas", "fas-bdf2", "newton-multigrid")} <= rows
+    solvers = ("fas", "fas-linear", "newton-multigrid-euler", "vbd", "vbd-explicit", "jacobi", "jacobi-explicit")
+    assert {f"stepping/one-step[{solver},box,long]" for solver in solvers} <= rows
 
 
 def own(name: str, change, **promises) -> None:
@@ -83,6 +84,7 @@ def test_what_is_noticed(row, solver, change, promises):
 
 
 @pytest.mark.slow
-def test_bdf2():
+@pytest.mark.parametrize("solver", ["newton-bdf2", "newton-tr-bdf2"])
+def test_references_of_second_order(solver):
     for case in ("order", "vibration"):
-        assert run_row(Row(CASES[f"stepping/{case}"], {"solver": "newton-bdf2"}), USE).status is Status.PASS
+        assert run_row(Row(CASES[f"stepping/{case}"], {"solver": solver}), USE).status is Status.PASS
