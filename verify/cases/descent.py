@@ -12,6 +12,7 @@ from femgal.discretisation import Discretisation
 from femgal.gauss_seidel.colours import colour_vertices
 from femgal.gauss_seidel.stars import build_stars
 from femgal.gauss_seidel.sweep import descend
+from femgal.kernels.cpu.threads import Workers
 from femgal.solvers.explicit_jacobi import ExplicitJacobi
 from femgal.solvers.explicit_vbd import ExplicitVBD
 from femgal.solvers.linearised import Linearised
@@ -116,7 +117,8 @@ def _sweep(disc: Discretisation, state: str, w: float) -> tuple[tuple[int, NDArr
     stars, x, steps = build_stars(disc, colouring.vertex), one.x.copy(), []
     dx, before = np.zeros((len(colouring.vertex), 3)), one.g
     for colour, (first, count) in enumerate(colouring.ranges):
-        descend(0, count, first, *stars.arrays, disc.mass, one.inverse_h2, one.xhat, w, x, dx)
+        tail = (disc.mass, one.inverse_h2, one.xhat, w, x, dx)
+        Workers(1).run(descend, count, first, *stars.arrays, *tail)
         after = one.gradient_at(x)
         steps.append((colour, colouring.vertex[first : first + count], before, after, x.copy()))
         before = after
