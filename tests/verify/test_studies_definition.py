@@ -42,6 +42,7 @@ def test_quick_version_is_smaller(name):
         assert max(grids[1].vertices) < max(grids[0].vertices)
         assert len(grids[1].methods()) <= len(grids[0].methods())
         assert {m.curve for m in grids[1].methods()} == {m.curve for m in grids[0].methods()}
+        assert len(grids[1].methods()) <= 4 * len(grids[1].solvers)
 
 
 def test_changes():

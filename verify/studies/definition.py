@@ -104,9 +104,10 @@ class Part(Table):
     plots: tuple[Text, ...] = ()
 
     def shrunk(self) -> Part:
-        """The quick version."""
+        """The quick version, with three of a solver's own numbers of substeps at most."""
         own = {key: value for key, value in self.quick.items() if key in ("substeps", "options")}
         grid = {**self.grid, **{key: value for key, value in self.quick.items() if key not in own}}
+        grid["solvers"] = list(map(_thinned, grid["solvers"]))
         return Part.model_validate({**self.model_dump(), **own, "grid": grid, "quick": {}})
 
     def with_grid(self, **changes: Any) -> Part:
@@ -127,6 +128,14 @@ class Part(Table):
 
     def _with_substeps(self, solver: Mapping[str, Any]) -> dict[str, Any]:
         return {"substeps": list(self.substeps), **solver} if self.substeps else dict(solver)
+
+
+def _thinned(solver: Mapping[str, Any]) -> dict[str, Any]:
+    """With the first, the middle and the last of its numbers of substeps."""
+    counts = solver.get("substeps")
+    if not isinstance(counts, list) or len(counts) <= 3:
+        return dict(solver)
+    return {**solver, "substeps": [counts[0], counts[len(counts) // 2], counts[-1]]}
 
 
 class StudyDefinition(Table):
