@@ -30,6 +30,7 @@ _HELP = {
 @click.option("--quick", is_flag=True, help="Small sizes and short motions: minutes in place of hours.")
 @click.option("--sizes", metavar="N,N", help=_HELP["sizes"])
 @click.option("--scene", metavar="SCENE", help=_HELP["scene"])
+@click.option("--rho", metavar="RHO,RHO", help="Densities [kg/m^3], in place of the study's.")
 @click.option("--levels", metavar="L,L", help=_HELP["levels"])
 @click.option("--frames", type=click.IntRange(min=1), help="Frames of every motion.")
 @click.option("--threads", type=click.IntRange(min=1), help="CPU threads of every run; 1 by default.")
@@ -84,10 +85,11 @@ def _definition(name: str, options: dict[str, Any]) -> StudyDefinition:
     definition = load_definition(name)
     if options["quick"]:
         definition = definition.shrunk()
-    sizes = numbers(options["sizes"], "--sizes") if options["sizes"] else None
-    keys = {key: options[key] for key in ("frames", "threads", "time_limit")}
-    scenes = [options["scene"]] if options["scene"] else None
-    definition = definition.with_grid(scenes=scenes, vertices=sizes, **keys)
+    lists = {"sizes": "vertices", "rho": "rho"}
+    changes = {key: numbers(options[name], f"--{name}") for name, key in lists.items() if options[name]}
+    changes |= {key: options[key] for key in ("frames", "threads", "time_limit") if options[key] is not None}
+    changes |= {"scenes": [options["scene"]]} if options["scene"] else {}
+    definition = definition.with_grid(**changes)
     return definition.with_levels(numbers(options["levels"], "--levels")) if options["levels"] else definition
 
 

@@ -36,6 +36,7 @@ def test_list():
         (("smoother",), "did you mean smoothers?"),
         (("sizes", "--sizes", "small"), "numbers separated by commas"),
         (("sizes", "--sizes", "3"), "vertices"),
+        (("sizes", "--rho", "-1"), "rho"),
         (("sizes", "--levels", "0"), "positive numbers"),
         (("sizes", "--scene", "no-such-scene"), "no such scene"),
         (("sizes", "--json", "missing/folder.json"), "does not exist"),

@@ -46,7 +46,7 @@ def test_quick_version_is_smaller(name):
 
 
 def test_changes():
-    study = load_definition("sizes").with_grid(vertices=[500, 700], frames=None).with_levels([1e-3])
+    study = load_definition("sizes").with_grid(vertices=[500, 700]).with_levels([1e-3])
     assert study.parts[0].make_grid().vertices == (500, 700)
     assert study.parts[0].make_grid().frames == load_definition("sizes").parts[0].make_grid().frames
     assert study.parts[0].levels == (1e-3,)

@@ -111,9 +111,8 @@ class Part(Table):
         return Part.model_validate({**self.model_dump(), **own, "grid": grid, "quick": {}})
 
     def with_grid(self, **changes: Any) -> Part:
-        """With other values of some of the grid's keys; None leaves the key as it is."""
-        given = {key: value for key, value in changes.items() if value is not None}
-        return self.model_copy(update={"grid": {**self.grid, **given}})
+        """With other values of some of the grid's keys."""
+        return self.model_copy(update={"grid": {**self.grid, **changes}})
 
     def make_grid(self) -> Grid:
         """The grid.
@@ -171,7 +170,7 @@ class StudyDefinition(Table):
         return self.model_copy(update={"parts": tuple(part.shrunk() for part in self.parts)})
 
     def with_grid(self, **changes: Any) -> StudyDefinition:
-        """With other values of some keys of every grid; None leaves the key as it is."""
+        """With other values of some keys of every grid."""
         return self.model_copy(update={"parts": tuple(part.with_grid(**changes) for part in self.parts)})
 
     def with_levels(self, levels: Sequence[float]) -> StudyDefinition:
