@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from femgal.scene.model import DEFAULTS
+from femgal.scene.solver import DEFAULTS
 from verify.work_precision.front import cost_of
 
 Row = dict[str, Any]
