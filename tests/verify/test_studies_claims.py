@@ -83,6 +83,8 @@ def test_numbers_of_rows():
     assert judge(claim(than=("vbd",), what="eps18", factor=0.5), part(), given)["verdict"] == "holds"
     assert judge(claim(than=("vbd",), what="eps18", factor=0.2), part(), given)["verdict"] == "does not hold"
     assert judge(claim(what="eps18", factor=2e-3), part(), given)["verdict"] == "holds"
+    given["rows"][1]["retakes"] = 3
+    assert judge(claim(than=("vbd",), what="eps18"), part(), given)["verdict"] == "cannot be judged here"
 
 
 def test_trend():

@@ -204,7 +204,10 @@ def _levels(claim: Claim, part: Part) -> tuple[float | None, ...]:
 
 
 def _value(claim: Claim, numbers: Numbers, problem: str, curve: str, level: float | None) -> float | None:
-    """Cost of a level, or the largest number of the curve's rows."""
+    """Cost of a level, or the largest number of the curve's rows.
+
+    A row that had to take more substeps than it was asked for says nothing of what it was asked for.
+    """
     if level is not None:
         key = {"problem": problem, "curve": curve, "measure": claim.measure, "level": level}
         entries = (e for e in numbers["entries"] if all(e[name] == value for name, value in key.items()))
@@ -212,7 +215,7 @@ def _value(claim: Claim, numbers: Numbers, problem: str, curve: str, level: floa
     rows = numbers.get("rows", numbers.get("traces", ()))
     mine = [row for row in rows if row["problem"] == problem and row["curve"] == curve and row["status"] == "done"]
     what = {"seconds per frame": "seconds"}.get(claim.what, claim.what)
-    values = [row[what] for row in mine if row[what] is not None]
+    values = [row[what] for row in mine if row[what] is not None and not row.get("retakes")]
     return max(values, default=None)
 
 
