@@ -23,6 +23,7 @@ _HELP = {
     "cluster": "Run on the workers of this Dask scheduler: tcp://127.0.0.1:8786.",
     "clock": "The time that counts: wall, cpu (of all threads), or auto: cpu on one thread.",
     "gap": "Measure the energy gap of the first N substeps, by a direct solver: for small meshes.",
+    "solver_error": "Distance from the converged motion of the same steps; one more run for each kind of steps.",
     "json": "Write the record to PATH; - prints it and nothing else.",
     "report": "Write bench.json, bench.csv, plots and bench.html.",
     "safety": "Share of the stable step that the references take.",
@@ -52,6 +53,7 @@ _HELP = {
 @click.option("--repeats", type=click.IntRange(min=1), help="Runs of each finalist; 1 by default.")
 @click.option("--targets", metavar="E,E", help="Errors that are asked the time to; 0.1,0.01,0.001 by default.")
 @click.option("--reference-safety", type=click.FloatRange(0.01, 0.5), help=_HELP["safety"])
+@click.option("--solver-error", is_flag=True, help=_HELP["solver_error"])
 @click.option("--energy-gap", type=click.IntRange(min=0), default=0, metavar="N", help=_HELP["gap"])
 @click.option("--clock", type=click.Choice(("auto", "wall", "cpu")), default="auto", show_default=True)
 @click.option("--work", type=click.Path(path_type=Path), default=Path("bench"), show_default=True, help="Runs.")
@@ -142,7 +144,12 @@ def _study(grid: Grid, options: dict[str, Any]) -> Study:
         clock = "cpu" if grid.threads == 1 else "wall"
     work = Store(options["work"], keep_older=options["keep_older"], retry_failed=options["retry_failed"])
     references = Store(options["references"] or default_folder(), retry_failed=options["retry_failed"])
-    settings = Options(clock, options["energy_gap"], options["refresh_references"])
+    settings = Options(
+        clock,
+        options["energy_gap"],
+        options["refresh_references"],
+        solver_error=options["solver_error"],
+    )
     return Study(grid, work, references, _executor(options), settings, lambda text: click.echo(text, err=True))
 
 

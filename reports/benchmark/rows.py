@@ -31,7 +31,7 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         return (row["label"], row["failure_kind"] or row["status"], *["-"] * (len(HEADS) - 2))
     times = row["times"]["cpu" if row["seconds"] == row["times"]["cpu"]["median"] else "wall"]
     return (
-        row["label"] + (" (final)" if row["finalist"] else ""),
+        _name(row),
         _number(row["error"], ".2e"),
         _number(row["seconds"], ".3g"),
         f"{times['least']:.2g}..{times['most']:.2g}",
@@ -47,6 +47,11 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         f"{sum(cpu for _, cpu in row['stages'].values()):.1f}",
         _number(row["peak_mb"], ".0f"),
     )
+
+
+def _name(row: Mapping[str, Any]) -> str:
+    chosen = f" ({row['chosen']})" if row.get("chosen") else ""
+    return row["label"] + chosen + (" (final)" if row["finalist"] else "")
 
 
 def _iterations(row: Mapping[str, Any]) -> str:

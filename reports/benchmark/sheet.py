@@ -20,6 +20,7 @@ _OF_ROW = (
     "error",
     "solver_error",
     "energy_error",
+    "estimated_error",
     "seconds",
     "runs",
     "passes",

@@ -48,6 +48,7 @@ def test_substeps_left_open_are_several():
     assert SolverGrid(name="verlet").methods() == [Method("verlet", (), "verlet")]
     assert len(SolverGrid(name="fas").methods()) > 3
     assert [m.settings for m in SolverGrid(name="fas", substeps=4).methods()] == [(("substeps", 4),)]
+    assert {key for m in SolverGrid(name="auto").methods() for key, _ in m.settings} == {"accuracy"}
 
 
 def test_step_lengths_are_one_value():
@@ -93,6 +94,7 @@ def test_shorthand():
     [
         (["magic"], [], {}, "no such solver"),
         (["vrlet"], [], {}, "did you mean verlet?"),
+        (["fas"], [], {"accuracy": [0.1]}, "no solver of this grid has such a key"),
         (["fas"], [], {"colour": ["red"]}, "no solver of this grid has such a key"),
         ([], ["fas substeps"], {}, "not a choice"),
         ([], ["fas 'substeps=5"], {}, "not a solver"),

@@ -8,7 +8,8 @@
 4. Finalists are repeated, and only they; their times have a median and a spread.
 5. The record is JSON without NaN; every row has passes, bytes, iterations, memory; the reports read it.
 6. References outlive another solver's sources; the present ones do not.
-7. What cannot be run is refused before anything runs.
+7. The solver error of a converged solver is far below its error, that of one sweep is not; so is its energy gap.
+8. What cannot be run is refused before anything runs.
 """
 
 from __future__ import annotations
@@ -86,6 +87,29 @@ def test_nothing_is_run_twice(done):
     assert len([line for line in again if line.startswith("[")]) == 1
     rows = make_record(repeated, "again")["rows"]
     assert [row["times"] for row in rows[: len(record["rows"])]] == [row["times"] for row in record["rows"]]
+
+
+def test_solver_error_and_energy_gap(done):
+    folder = done[-1]
+    solvers = [
+        {"name": "newton-pcg", "stepping": "bdf2", "substeps": 4, "tolerance": 1e-6},
+        {"name": "jacobi", "stepping": "bdf2", "substeps": 4},
+        {"name": "auto", "accuracy": 0.1},
+    ]
+    told: list[str] = []
+    study = make_study(folder, beam_grid(folder, solvers), told=told, solver_error=True, gaps=2)
+    study.run()
+    exact, swept, chosen = make_record(study, "")["rows"]
+    # The steps are the same, so what is left of the error is the steps'.
+    assert exact["solver_error"] < 1e-4 < exact["error"]
+    assert swept["solver_error"] > 10.0 * exact["solver_error"]
+    assert max(exact["gaps"]) < 1e-6 < max(swept["gaps"]) < 1.0
+    assert len(exact["gaps"]) == 2
+    assert exact["linear_iterations"] > exact["iterations"] >= 4
+    assert chosen["solver_error"] is None
+    assert chosen["error"] < 0.2
+    assert chosen["chosen"] in ("verlet", "newton-multigrid")
+    assert len([line for line in told if "newton-direct" in line]) == 2
 
 
 class StopAfter:

@@ -61,7 +61,10 @@ steps = ["exact", "spectral"]
 # is a sweep or a cycle, one of the others a converged solution.
 _SWEEPS = (5, 10, 25, 50, 100, 200)
 _SOLVES = (1, 2, 4, 8, 16, 32)
-_SWEEPING = ("fas", "jacobi", "scalar-jacobi", "vbd")
+_SWEEPING = ("fas", "jacobi", "jacobi-explicit", "scalar-jacobi", "vbd", "vbd-explicit")
+
+# `auto` is asked for accuracies instead.
+_ACCURACIES = (0.1, 0.03, 0.01, 0.003, 0.001)
 
 
 class SolverGrid(BaseModel):
@@ -81,9 +84,7 @@ class SolverGrid(BaseModel):
 
     def methods(self) -> list[Method]:
         """All combinations."""
-        choices: dict[str, Any] = dict(self.model_extra or {})
-        if "substeps" not in choices and self.name != "verlet":
-            choices = {"substeps": list(_SWEEPS if self.name in _SWEEPING else _SOLVES), **choices}
+        choices: dict[str, Any] = self._left_open() | dict(self.model_extra or {})
         lists = [value if isinstance(value, list | tuple) else [value] for value in choices.values()]
         if not all(lists):
             empty = next(key for key, value in zip(choices, lists, strict=True) if not value)
@@ -93,6 +94,15 @@ class SolverGrid(BaseModel):
             Method(self.name, tuple(zip(choices, map(_hashable, values), strict=True)), curve)
             for values in itertools.product(*lists)
         ]
+
+    def _left_open(self) -> dict[str, Any]:
+        """Several points for a curve that does not say which."""
+        given = self.model_extra or {}
+        if self.name == "verlet" or "substeps" in given or "accuracy" in given:
+            return {}
+        if self.name == "auto":
+            return {"accuracy": list(_ACCURACIES)}
+        return {"substeps": list(_SWEEPS if self.name in _SWEEPING else _SOLVES)}
 
 
 class Grid(Table):

@@ -51,6 +51,7 @@ class ReferenceMotion:
 
     Parameters
     ----------
+    name : Unique among references.
     label : Its settings.
     motion : Where it goes.
     own_error : Its own relative trajectory error; infinite where it is not known.
@@ -59,6 +60,7 @@ class ReferenceMotion:
     factor : Distance of the two in units of the reference's own error.
     """
 
+    name: str
     label: str
     motion: Reference
     own_error: float
@@ -103,14 +105,19 @@ def read_reference(pair: ReferencePair, store: Store) -> ReferenceMotion | str:
         return "has not been run"
     if fine.failure or fine.motion is None:
         return fine.failure or "left no motion"
-    arrays = fine.arrays()
-    motion = Reference(*(arrays[name] for name in ("mass", "part", "held", "start", "displacement")))
+    motion = motion_of(fine)
     factor = _factor(fine.numbers, coarse.numbers)
     own = math.inf
     if factor > 0.0 and coarse.failure is None and coarse.motion is not None:
         own = motion.trajectory_error(coarse.arrays()["displacement"]) / factor
     label = f"velocity Verlet, {steps_per_frame(fine.numbers):.0f} steps per frame"
-    return ReferenceMotion(label, motion, own, fine.numbers, coarse, factor)
+    return ReferenceMotion(pair.fine.name, label, motion, own, fine.numbers, coarse, factor)
+
+
+def motion_of(result: Result) -> Reference:
+    """The motion of a run, as one that others are held against."""
+    arrays = result.arrays()
+    return Reference(*(arrays[name] for name in ("mass", "part", "held", "start", "displacement")))
 
 
 def _factor(fine: dict[str, Any], coarse: dict[str, Any]) -> float:

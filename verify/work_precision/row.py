@@ -16,6 +16,9 @@ from verify.work_precision.reference import ReferenceMotion
 from verify.work_precision.store import Result
 
 Clock = Literal["wall", "cpu"]
+# Errors by reference and run.
+Known = dict[tuple[str, str], float]
+
 _CLOCKS = {"wall": "seconds", "cpu": "cpu_seconds"}
 
 _BYTES = {
@@ -33,6 +36,7 @@ def make_row(
     reference: ReferenceMotion | None,
     clock: Clock,
     converged: Reference | None = None,
+    known: Known | None = None,
 ) -> dict[str, Any]:
     """JSON-ready numbers of a row.
 
@@ -41,6 +45,7 @@ def make_row(
     runs : The first run and its repetitions; none where it has not been run.
     clock : Which time `seconds` is.
     converged : The converged motion of the same time stepping, for the solver error.
+    known : Errors that have been computed; those that have not are added. Motions of large bodies take seconds to read.
     """
     row: dict[str, Any] = {
         "problem": problem.id,
@@ -62,7 +67,7 @@ def make_row(
     if first.numbers["rows"]:
         row |= _counts(first.numbers) | _energies(first.numbers)
     if first.failure is None:
-        row |= _errors(problem, first, reference, converged)
+        row |= _errors(problem, first, reference, converged, {} if known is None else known)
     return row
 
 
@@ -100,6 +105,8 @@ def _counts(numbers: dict[str, Any]) -> dict[str, Any]:
         "stages": numbers["stages"],
         "load": numbers["load"],
         "gaps": numbers["gaps"],
+        "estimated_error": numbers.get("estimated_error"),
+        "chosen": numbers.get("chosen"),
     }
 
 
@@ -123,17 +130,18 @@ def _energies(numbers: dict[str, Any]) -> dict[str, Any]:
 
 
 def _errors(
-    problem: Problem, run: Result, reference: ReferenceMotion | None, converged: Reference | None
+    problem: Problem, run: Result, reference: ReferenceMotion | None, converged: Reference | None, known: Known
 ) -> dict[str, Any]:
-    motion = run.arrays()["displacement"]
     found: dict[str, Any] = {}
     if reference is not None:
-        ours = reference.motion
-        error = ours.shape_error(motion) if problem.is_chaotic else ours.trajectory_error(motion)
-        found["error"] = _finite(error)
+        key = (reference.name, str(run.motion))
+        if key not in known:
+            ours, motion = reference.motion, run.arrays()["displacement"]
+            known[key] = ours.shape_error(motion) if problem.is_chaotic else ours.trajectory_error(motion)
+        found["error"] = _finite(known[key])
         found["energy_error"] = _energy_error(run.numbers, reference.numbers)
     if converged is not None:
-        found["solver_error"] = _finite(converged.trajectory_error(motion))
+        found["solver_error"] = _finite(converged.trajectory_error(run.arrays()["displacement"]))
     return found
 
 

@@ -15,6 +15,7 @@ from femgal.failure import SolverFailure
 from femgal.hierarchy.layer import free_parts
 from femgal.scene.model import Scene
 from femgal.simulation import Frame, Simulation
+from femgal.timestep.control import AccuracyControl
 from femgal.timestep.implicit import ImplicitMethod
 from meshes.connectivity import component_labels
 from verify.benchmark.trajectory import momenta
@@ -77,6 +78,8 @@ def _warm_up(simulation: Simulation) -> None:
 def seat_solver(simulation: Simulation, request: Request) -> CountedSolver | None:
     """Put the solver that is asked for into its seat, and a counter around it; None for an explicit method."""
     stepper = simulation.stepper
+    if isinstance(stepper, AccuracyControl):
+        stepper = stepper.stepper
     if not isinstance(stepper, ImplicitMethod):
         return None
     if request.solver is not None:
@@ -132,6 +135,8 @@ class _Motion:
             "precision": self.simulation.backend.precision,
             "rows": self.rows[1:],
             "start": self.rows[0],
+            "estimated_error": self.rows[-1].get("estimated_error"),
+            "chosen": None if self.simulation.choice is None else self.simulation.choice.solver,
             "failure": self.failure,
             "failure_kind": None if self.failure is None else "solver",
         }

@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from femgal.scene.accuracy import CONTROLLED
 from femgal.scene.model import SolverSettings
 from femgal.scene.problems import close_match
 from meshes.errors import InputError
@@ -48,8 +49,8 @@ def solver_tables(
     ----------
     names : Solvers with all defaults.
     specs : Solvers with choices of their own: ``fas substeps=5,10 steps=exact,spectral label=mine``.
-    common : Choices for every solver that has such a key and does not say otherwise. Of these Verlet takes its
-        precision only: it chooses its own step.
+    common : Choices for every solver that has such a key and does not say otherwise. Of these Verlet takes
+        precision and accuracy only: it chooses its own step.
 
     Raises
     ------
@@ -102,9 +103,12 @@ def _table(spec: str) -> dict[str, Any]:
 
 def _keys(name: str) -> set[str]:
     if name == "verlet":
-        return {"precision"}
+        return {"precision", "accuracy"}
     if name in production_names():
-        return set(SolverSettings.model_fields) - {"name", "threads"}
+        # `auto` chooses how it steps.
+        own = set(STEPPING_KEYS) - {"precision"} if name == "auto" else set()
+        own |= set() if name in CONTROLLED else {"accuracy"}
+        return set(SolverSettings.model_fields) - {"name", "threads"} - own
     return {*STEPPING_KEYS, *reference_settings()[name]}
 
 

@@ -18,11 +18,19 @@ from verify.work_precision.executor import Executor
 from verify.work_precision.front import finalists
 from verify.work_precision.grid import Grid
 from verify.work_precision.horizon import Horizon, choose_horizon
+from verify.work_precision.measure import Reference as Motion
 from verify.work_precision.method import Method
 from verify.work_precision.problem import Problem, problems
-from verify.work_precision.reference import ReferenceMotion, ReferencePair, read_reference, reference_pair
+from verify.work_precision.reference import (
+    ReferenceMotion,
+    ReferencePair,
+    motion_of,
+    read_reference,
+    reference_pair,
+)
 from verify.work_precision.request import Request, motion_request, survey_request
-from verify.work_precision.row import Clock, make_row
+from verify.work_precision.row import Clock, Known, make_row
+from verify.work_precision.solver_error import converged_method
 from verify.work_precision.store import Result, Store
 
 Row = dict[str, Any]
@@ -38,12 +46,14 @@ class Options:
     gaps : Substeps whose energy gap is measured.
     refresh_references : Make references anew.
     references : Make references at all; without them nothing is said of errors.
+    solver_error : Whether solver errors are wanted: a converged run for each kind and number of steps.
     """
 
     clock: Clock = "wall"
     gaps: int = 0
     refresh_references: bool = False
     references: bool = True
+    solver_error: bool = False
 
 
 @dataclass(eq=False)
@@ -65,6 +75,7 @@ class Study:
     announce: Callable[[str], None] = lambda text: None
     problems: list[Problem] = field(init=False)
     methods: list[Method] = field(init=False)
+    _known: Known = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Refuse whatever can be refused before anything runs.
@@ -99,6 +110,9 @@ class Study:
                     self.references.remove(request)
         self._carry_out(self._first_runs())
         self._carry_out(self._repetitions())
+        if self.options.solver_error:
+            requests = (self._converged(p, m) for p, m in itertools.product(self.problems, self.methods))
+            self._carry_out((request, self.store) for request in requests if request is not None)
 
     def _first_runs(self) -> Iterator[tuple[Request, Store]]:
         for problem in self.problems:
@@ -125,8 +139,17 @@ class Study:
         """Numbers of every method on a scene, as far as they have been run."""
         reference = self.reference(problem)
         known = reference if isinstance(reference, ReferenceMotion) else None
+        converged = self._converged_motions(problem) if repetitions else {}
         return [
-            make_row(problem, method, self._runs(problem, method, repetitions), known, self.options.clock)
+            make_row(
+                problem,
+                method,
+                self._runs(problem, method, repetitions),
+                known,
+                self.options.clock,
+                converged.get(str(method)),
+                self._known,
+            )
             for method in self.methods
         ]
 
@@ -163,6 +186,29 @@ class Study:
         scene = self.horizon(problem).of(problem.scene)
         limit, gaps = self.grid.time_limit, self.options.gaps
         return motion_request(scene, method, self.grid.threads, problem.id, gaps=gaps, time_limit=limit)
+
+    def _converged(self, problem: Problem, method: Method) -> Request | None:
+        """The run that a method's solver error is taken from; None where it has none."""
+        scene = self.horizon(problem).of(problem.scene)
+        settings = method.scene(scene, self.grid.threads).solver
+        solved = converged_method(settings, self._survey(problem)["vertices"])
+        return None if solved is None else motion_request(scene, solved, self.grid.threads, problem.id)
+
+    def _converged_motions(self, problem: Problem) -> dict[str, Motion]:
+        """By method, as far as they are wanted and have been run; methods that take the same steps share one."""
+        if not self.options.solver_error or self.survey(problem) is None:
+            return {}
+        motions: dict[str, Motion] = {}
+        found = {}
+        for method in self.methods:
+            request = self._converged(problem, method)
+            result = None if request is None else self.store.find(request)
+            if request is None or result is None or result.failure or result.motion is None:
+                continue
+            if request.name not in motions:
+                motions[request.name] = motion_of(result)
+            found[str(method)] = motions[request.name]
+        return found
 
     def _runs(self, problem: Problem, method: Method, repetitions: bool) -> list[Result]:
         if self.survey(problem) is None:
