@@ -35,6 +35,7 @@ SOLVERS: dict[str, dict[str, Any]] = {
     "fas-bdf2": {"name": "fas", "ratio": 8, "stepping": "bdf2", "substeps": 20},
     "newton-multigrid": {"name": "newton-multigrid", "substeps": 5},
     "mas": {"name": "newton-multigrid", "preconditioner": "mas", "substeps": 5},
+    "v-cycle": {"name": "newton-multigrid", "preconditioner": "v-cycle", "substeps": 5},
     "vbd": {"name": "vbd", "iterations": 5, "substeps": 20},
 }
 IMPLICIT = ("fas", "fas-linear", "jacobi")
