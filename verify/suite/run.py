@@ -53,7 +53,7 @@ class Result:
 # From the parts to the whole: the first red row is where to begin.
 TOPICS = (
     *("material", "eigenvalues", "derivatives", "invariance", "collapse"),
-    *("transfer", "blocks", "smoothers", "cycles", "preconditioners", "newton", "descent"),
+    *("transfer", "blocks", "assembly", "smoothers", "cycles", "preconditioners", "newton", "descent"),
     *("patch", "manufactured", "exact", "bending"),
     *("stepping", "dynamics", "consistency", "system"),
 )
