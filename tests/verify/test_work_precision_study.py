@@ -89,6 +89,7 @@ def test_nothing_is_run_twice(done):
     assert [row["times"] for row in rows[: len(record["rows"])]] == [row["times"] for row in record["rows"]]
 
 
+@pytest.mark.slow
 def test_solver_error_and_energy_gap(done):
     folder = done[-1]
     solvers = [
@@ -144,6 +145,7 @@ def test_stop_and_resume(done):
     assert all(row["status"] == "done" for row in make_record(going_on, "")["rows"])
 
 
+@pytest.mark.slow
 def test_failures_are_rows(tmp_path):
     solvers = [{"name": "verlet", "substeps": 3}, {"name": "jacobi", "substeps": 4}]
     study = make_study(tmp_path, beam_grid(tmp_path, solvers, E=[1e9]))

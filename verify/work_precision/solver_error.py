@@ -14,6 +14,9 @@ from verify.work_precision.method import Method
 # Largest number of vertices for direct solvers.
 SMALL = 1000
 
+# What every solver can step by; the others are for femgal's Newton alone.
+_OF_ANY_SOLVER = ("backward-euler", "bdf2")
+
 _TIGHT: dict[str, Any] = {"reduction": 1e-8, "iterations": 50, "linear_iterations": 5000}
 
 
@@ -27,6 +30,6 @@ def converged_method(settings: SolverSettings, vertices: int) -> Method | None:
     if settings.name == "verlet" or settings.accuracy is not None or settings.substeps is None:
         return None
     steps = (("stepping", settings.stepping), ("substeps", settings.substeps))
-    if vertices <= SMALL:
+    if vertices <= SMALL and settings.stepping in _OF_ANY_SOLVER:
         return Method("newton-direct", steps, "converged")
     return Method("newton-multigrid", (*steps, *_TIGHT.items()), "converged")
