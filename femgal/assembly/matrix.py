@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.assembly.pattern import Pattern
+from femgal.assembly.row_product import row_product
 from femgal.kernels.cpu.threads import Workers
 from meshes.jit import kernel
 
@@ -69,13 +70,6 @@ class BlockMatrix:
 @kernel
 def multiply(start: int, stop: int, ptr: Longs, column: Ints, values: Reals, d: Reals, out: Reals) -> None:
     """Rows of A d."""
-    zero = values.dtype.type(0)
     for i in range(start, stop):
-        s0 = s1 = s2 = zero
-        for j in range(ptr[i], ptr[i + 1]):
-            k = column[j]
-            x, y, z = d[k, 0], d[k, 1], d[k, 2]
-            s0 += values[j, 0] * x + values[j, 1] * y + values[j, 2] * z
-            s1 += values[j, 3] * x + values[j, 4] * y + values[j, 5] * z
-            s2 += values[j, 6] * x + values[j, 7] * y + values[j, 8] * z
+        s0, s1, s2 = row_product(values, column, d, ptr[i], ptr[i + 1])
         out[i, 0], out[i, 1], out[i, 2] = s0, s1, s2

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.assembly.matrix import BlockMatrix
+from femgal.assembly.row_product import row_product
 from meshes.jit import kernel, scalar
 
 Floats = NDArray[np.float64]
@@ -72,14 +73,8 @@ def invert_blocks(start: int, stop: int, diagonal: Longs, values: Reals, inverse
 @scalar
 def _minus_product(i: int, ptr: Longs, column: Ints, values: Reals, x: Reals, r: Reals) -> tuple[float, float, float]:
     """Row i of r - A x."""
-    s0, s1, s2 = r[i, 0], r[i, 1], r[i, 2]
-    for j in range(ptr[i], ptr[i + 1]):
-        k = column[j]
-        a, b, c = x[k, 0], x[k, 1], x[k, 2]
-        s0 -= values[j, 0] * a + values[j, 1] * b + values[j, 2] * c
-        s1 -= values[j, 3] * a + values[j, 4] * b + values[j, 5] * c
-        s2 -= values[j, 6] * a + values[j, 7] * b + values[j, 8] * c
-    return s0, s1, s2
+    s0, s1, s2 = row_product(values, column, x, ptr[i], ptr[i + 1])
+    return r[i, 0] - s0, r[i, 1] - s1, r[i, 2] - s2
 
 
 @kernel

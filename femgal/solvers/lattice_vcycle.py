@@ -53,6 +53,8 @@ class LatticeVCycle:
     precision : Of matrices and cycle.
     """
 
+    price = 5.0
+
     def __init__(self, backend: Backend, degree: int = 2, precision: Precision = "float32") -> None:
         self._assembly = HessianAssembly(backend.disc, precision, backend.threads)
         self._A = self._assembly.matrix()
@@ -65,7 +67,6 @@ class LatticeVCycle:
         dense = 3 * last.n_rows <= most
         bottom = DenseSolver(last) if dense else Level(last, BOTTOM_DEGREE, BOTTOM_RATIO)
         self._cycle = VCycle([Level(A, degree) for A in matrices[:-1]], products, bottom)
-        self._ready = False
 
     def __str__(self) -> str:
         cycle = self._cycle
@@ -74,13 +75,10 @@ class LatticeVCycle:
         bottom = "solved directly" if isinstance(cycle.bottom, DenseSolver) else "smoothed"
         return "\n".join([*rows, f"bottom {bottom}, {sum(A.nbytes for A in matrices) / 2**20:.0f} MiB"])
 
-    def refresh(self, potential: IncrementalPotential, x: Floats, *, reuse: bool = False) -> None:
-        """Matrices of all levels at x, or with `reuse` those that are there."""
-        if reuse and self._ready:
-            return
+    def refresh(self, potential: IncrementalPotential, x: Floats) -> None:
+        """Matrices of all levels at x."""
         self._assembly.assemble(x, potential.inverse_h2, out=self._A)
         self._cycle.refresh()
-        self._ready = True
 
     def apply(self, r: Floats) -> Floats:
         """What a cycle makes of A^-1 r [m], rows of the free vertices, shape [k, 3]."""

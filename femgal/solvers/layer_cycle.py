@@ -30,14 +30,13 @@ class LayerCycle:
     """
 
     layers: tuple[Layer, ...]
+    price: float = field(default=4.0, init=False)
     _H: list[Floats] = field(default_factory=list, init=False, repr=False)
     _w: Floats = field(default_factory=lambda: np.empty(0), init=False, repr=False)
     _at: tuple[IncrementalPotential, Floats] | None = field(default=None, init=False, repr=False)
 
-    def refresh(self, potential: IncrementalPotential, x: Floats, *, reuse: bool = False) -> None:
+    def refresh(self, potential: IncrementalPotential, x: Floats) -> None:
         """Blocks and step lengths of all layers at x."""
-        if reuse and self._H:
-            return
         backend, weight = potential.backend, potential.inverse_h2
         self._at = (potential, x.copy())
         self._H = [backend.gradient_and_blocks(layer, x, x, weight)[1] for layer in self.layers]

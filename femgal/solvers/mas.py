@@ -53,6 +53,7 @@ class MAS:
 
     backend: Backend
     size: int = SIZE
+    price: float = field(default=5.0, init=False)
     levels: tuple[DomainLevel, ...] = field(init=False)
     _inverses: list[NDArray[np.floating]] = field(default_factory=list, init=False, repr=False)
     _matrix: BlockMatrix | None = field(default=None, init=False, repr=False)
@@ -63,10 +64,8 @@ class MAS:
         self._workers = Workers(self.backend.threads)
         self._assembly = HessianAssembly(self.backend.disc, "float64", self.backend.threads)
 
-    def refresh(self, potential: IncrementalPotential, x: Floats, *, reuse: bool = False) -> None:
-        """Assemble A at x and invert the matrices of all domains, or keep those of other positions with `reuse`."""
-        if reuse and self._inverses:
-            return
+    def refresh(self, potential: IncrementalPotential, x: Floats) -> None:
+        """Assemble A at x and invert the matrices of all domains."""
         self._matrix = self._assembly.assemble(x, potential.inverse_h2, out=self._matrix)
         self._inverses = self._inverses or self._room()
         pattern, values = self._matrix.pattern, self._matrix.values

@@ -28,11 +28,13 @@ from numpy.typing import NDArray
 
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Backend
+from femgal.solvers.extrapolation import expected_positions, with_acceleration
 from femgal.solvers.line_search import first_minimum
 from femgal.solvers.pcg import Solution, solve
 from femgal.solvers.preconditioner import Preconditioner
 from femgal.solvers.smoother import smooth
 from femgal.solvers.solver import Budget, Outcome, SolverState
+from femgal.solvers.upkeep import Upkeep
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import MotionState
 
@@ -40,9 +42,6 @@ Floats = NDArray[np.float64]
 
 # The linear system need not be solved better than Newton's model is good: at most this share per Newton iteration.
 LEAST_REDUCTION = 1e-3
-
-# Conjugate gradients that take so many iterations more than just after the last refresh ask for a new one.
-MOST_EXTRA = 2
 
 
 @dataclass(eq=False)
@@ -61,6 +60,11 @@ class NewtonState(SolverState):
     left: float = math.inf
     measured: bool = False
     products: int = 0
+
+    @property
+    def recalled(self) -> dict[str, NDArray]:
+        """The memory that the solver was given, with what it has added."""
+        return self.memory or {}
 
 
 @dataclass(eq=False)
@@ -85,34 +89,37 @@ class Newton:
     reduction: float = 0.05
     linear_iterations: int = 500
     free_parts: Layer | None = None
-    _fresh: bool = field(default=False, init=False, repr=False)
-    _usual: int | None = field(default=None, init=False, repr=False)
+    _upkeep: Upkeep = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._upkeep = Upkeep(self.preconditioner)
 
     def prepare(self, state: MotionState, potential: IncrementalPotential) -> MotionState:
-        """A preconditioner is never older than its frame: what is not in a checkpoint must not change a motion."""
-        self._fresh = False
+        """Nothing: what depends on the step is made when it is needed."""
         return state
 
     def init(self, potential: IncrementalPotential, memory: dict[str, NDArray]) -> NewtonState:
-        """Start where phi is least on the line from x_n to the prediction."""
+        """Start where phi is least on the line from x_n to where the vertices are expected."""
+        expected = expected_positions(potential, memory)
         if potential.x_n is None:
-            return NewtonState(potential.xhat.copy())
-        x, d = potential.x_n.copy(), self.backend.difference(potential.xhat, potential.x_n)
+            return NewtonState(expected, memory=memory)
+        x, d = potential.x_n.copy(), self.backend.difference(expected, potential.x_n)
         self.backend.add_scaled(x, first_minimum(potential.along(self.backend.vertices, x, d)), d)
-        return NewtonState(x)
+        return NewtonState(x, memory=memory)
 
     def step(self, potential: IncrementalPotential, state: SolverState) -> NewtonState:
         """One Newton iteration, or none where the residual turns out to be small enough."""
         assert isinstance(state, NewtonState)
         backend, x = self.backend, state.x
         g = backend.nodal_gradient(backend.vertices, x, potential.xhat, potential.inverse_h2)
-        self.preconditioner.refresh(potential, x, reuse=self._fresh)
+        memory = self._upkeep.make_ready(potential, x, state.recalled)
         solution = self._solve(potential, x, g, self._share(state), state)
         start = state.start or solution.start
         if solution.iterations == 0:
             left = 0.0 if start == 0.0 else solution.start / start
-            return NewtonState(x, state.iteration + 1, (0.0,), start=start, left=left, measured=True)
-        self._judge(solution.iterations)
+            return NewtonState(x, state.iteration + 1, (0.0,), None, memory, start, left, measured=True)
+        if state.iteration == 0:
+            memory = self._upkeep.note(solution.iterations, memory)
         d = np.zeros_like(x)
         backend.prolong(backend.vertices, solution.d, d)
         coefficients = potential.along(backend.vertices, x, d)
@@ -123,9 +130,8 @@ class Newton:
             smooth(potential, self.free_parts, x, 1.0)
         left = solution.start / start * math.hypot(solution.reduction, nonlinearity(coefficients, t))
         moved = t * backend.largest(solution.d)
-        return NewtonState(
-            x, state.iteration + 1, (moved,), start=start, left=left, products=state.products + solution.iterations
-        )
+        products = state.products + solution.iterations
+        return NewtonState(x, state.iteration + 1, (moved,), None, memory, start, left, products=products)
 
     def _share(self, state: NewtonState) -> float | None:
         """Share of the residual that a linear solve may leave; None where that follows from the residual at x."""
@@ -165,13 +171,6 @@ class Newton:
         self.backend.prolong(self.backend.vertices, p, d)
         return self.backend.nodal_product(self.backend.vertices, x, d, potential.inverse_h2, definite=definite)
 
-    def _judge(self, iterations: int) -> None:
-        """Keep the preconditioner for as long as it needs few more iterations than when it was new."""
-        if not self._fresh:
-            self._usual, self._fresh = iterations, True
-        elif self._usual is not None and iterations > self._usual + MOST_EXTRA:
-            self._fresh = False
-
     def finished(self, potential: IncrementalPotential, state: SolverState) -> Outcome | None:
         """The reason to stop, or None to go on."""
         assert isinstance(state, NewtonState)
@@ -186,7 +185,8 @@ class Newton:
         return Outcome.NOT_CONVERGED if state.iteration >= self.budget.iterations else None
 
     def conclude(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
-        """Nothing to remember."""
+        """Remember the acceleration, from which the start of the next step follows."""
+        state.memory = with_acceleration(potential, state.x, state.memory or {})
         return state
 
 

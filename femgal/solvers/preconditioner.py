@@ -16,16 +16,22 @@ Floats = NDArray[np.float64]
 
 
 class Preconditioner(Protocol):
-    """z = M^-1 r near A^-1 r for A = d2 phi(x); symmetric and positive definite for as long as it is not refreshed."""
+    """z = M^-1 r near A^-1 r for A = d2 phi(x); symmetric and positive definite for as long as it is not refreshed.
 
-    def refresh(self, potential: IncrementalPotential, x: Floats, *, reuse: bool = False) -> None:
+    Attributes
+    ----------
+    price : Iterations of conjugate gradients that take as long as a refresh.
+    """
+
+    price: float
+
+    def refresh(self, potential: IncrementalPotential, x: Floats) -> None:
         """Make ready for A at x.
 
         Parameters
         ----------
         potential : phi; its `inverse_h2` is the factor of the mass in A.
         x : Positions [m], shape [n, 3].
-        reuse : What was made at other positions will do.
         """
 
     def apply(self, r: Floats) -> Floats:
@@ -45,13 +51,12 @@ class LayerBlocks:
     """
 
     layers: tuple[Layer, ...]
+    price: float = field(default=1.0, init=False)
     _H: list[Floats] = field(default_factory=list, init=False, repr=False)
     _potential: IncrementalPotential | None = field(default=None, init=False, repr=False)
 
-    def refresh(self, potential: IncrementalPotential, x: Floats, *, reuse: bool = False) -> None:
+    def refresh(self, potential: IncrementalPotential, x: Floats) -> None:
         """Blocks of all layers at x."""
-        if reuse and self._H:
-            return
         backend, weight = potential.backend, potential.inverse_h2
         self._potential = potential
         self._H = [backend.gradient_and_blocks(layer, x, x, weight)[1] for layer in self.layers]

@@ -150,7 +150,7 @@ class ImplicitMethod(ABC):
             place(self.motions, time, xhat)
             x_n = state.x.copy()
             place(self.motions, time, x_n)
-        return IncrementalPotential(self.backend, xhat, past.h_e, inertia, x_n, self.least_response)
+        return IncrementalPotential(self.backend, xhat, past.h_e, inertia, x_n, self.least_response, time)
 
     def residual(self, state: MotionState) -> Floats | None:
         """(x - xhat) + h_e^2 M^-1 grad E [m] of the last step, shape [n, 3]; None before the first."""

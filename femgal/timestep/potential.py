@@ -30,6 +30,7 @@ class IncrementalPotential:
     x_n : State before the step with the constrained vertices where they have to be after it [m]; None when unknown.
     least_response : Least T for which steps that always end at x = T xhat, as one sweep does on the stiffest modes,
         make a bounded motion.
+    time : Of the minimiser [s]; None where it belongs to no motion.
     """
 
     backend: Backend
@@ -38,11 +39,16 @@ class IncrementalPotential:
     inertia: float = 1.0
     x_n: Floats | None = None
     least_response: float = -1.0 / 3.0
+    time: float | None = None
 
     @property
     def inverse_h2(self) -> float:
         """Factor of the mass in the Hessian [1/s^2]."""
         return self.inertia / self.h**2
+
+    def elastic_acceleration(self, x: Floats) -> Floats:
+        """-M^-1 grad E [m/s^2] at the minimiser x, shape [n, 3], zero at constrained vertices: (x - xhat) / h^2."""
+        return self.backend.difference(x, self.xhat, self.inverse_h2)
 
     def value(self, x: Floats) -> float:
         """phi(x) [J]; constrained vertices, which x must hold at their prescribed positions, add nothing."""

@@ -60,10 +60,10 @@ BUGS_OF_SOLVERS = (
         "newton/falls newton/indefinite",
     ),
     Bug(
-        "preconditioner kept from frame to frame",
-        _NEWTON,
-        "        self._fresh = False\n        return state\n",
-        "        return state\n",
+        "preconditioner made elsewhere after a restart",
+        "femgal/solvers/upkeep.py",
+        "self._make(potential, memory[PLACE], made_for)",
+        "self._make(potential, x.copy() if self._place is None else self._place, made_for)",
         "dynamics/restart[newton-multigrid",
     ),
     Bug(
