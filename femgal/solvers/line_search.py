@@ -29,6 +29,9 @@ SUFFICIENT = 1e-4
 # The cubic and higher terms of corrections that nearly turn elements inside out need some ten halvings at most.
 MOST_HALVINGS = 60
 
+# From 1 to the root, where the slope is nearly linear: three or four double the digits to all there are.
+_MOST_NEWTON_STEPS = 8
+
 
 def backtrack(coefficients: Floats, start: float = 1.0) -> float:
     """First of t = start, start / 2, start / 4, ... with phi(t) - phi(0) <= SUFFICIENT * t * (slope at 0).
@@ -62,10 +65,33 @@ def first_minimum(coefficients: Floats) -> float:
         slope = powers * coefficients * unit ** (powers - 1.0) / -coefficients[0]
     if not np.isfinite(slope).all():
         return math.nan
+    if coefficients[1] > 0.0 and (s := _root_near_one(slope.tolist())) is not None:
+        return unit * s
     slope[np.abs(slope) < 1e-18 * np.abs(slope).max()] = 0.0
     roots = np.roots(slope[::-1])
     real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0.0)]
     return unit * float(real.min()) if len(real) else 0.0
+
+
+def _root_near_one(slope: list[float]) -> float | None:
+    """The only root in [0, 2] of -1 + s + a s^2 + b s^3 + ..., where the higher terms are too small for another one.
+
+    All roots of a polynomial take 0.3 ms, as long as an energy pass over 8,000 elements.
+    """
+    higher = slope[2:]
+    # Then the derivative is above 1/2 everywhere in the interval, and the ends have different signs.
+    if sum(k * abs(a) * 2.0**k for k, a in enumerate(higher, 2)) > 1.0:
+        return None
+    s = 1.0
+    for _ in range(_MOST_NEWTON_STEPS):
+        value, derivative = s - 1.0, 1.0
+        for k, a in enumerate(higher, 2):
+            value += a * s**k
+            derivative += k * a * s ** (k - 1)
+        before, s = s, s - value / derivative
+        if abs(s - before) <= 1e-15 * s:
+            return s
+    return s
 
 
 def change(coefficients: Floats, t: float) -> float:

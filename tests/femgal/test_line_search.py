@@ -49,6 +49,17 @@ def test_first_minimum_of_small_corrections(scale):
     assert first_minimum(c) == pytest.approx(0.65, rel=10.0 * scale + 1e-9)
 
 
+@pytest.mark.parametrize("size", [1e-16, 1e-8, 1e-3, 0.02, 0.04, 0.3])
+def test_first_minimum_near_a_quadratic(size):
+    # On both sides of where higher terms are too small for more than one root.
+    for c in rng(212).uniform(-size, size, (40, 4)):
+        t = first_minimum(np.array([-2.0, 1.0, *c]) * 1e-7)
+        slope = np.array([-2.0, 2.0, *(c * [3, 4, 5, 6])])
+        roots = np.roots(slope[::-1])
+        first = roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].min(initial=math.inf)
+        assert t == (pytest.approx(first, rel=1e-9) if math.isfinite(first) else 0.0)
+
+
 def test_backtrack():
     # -t + a t^2 gains Armijo's share up to t = (1 - share) / a.
     for a, expected in ((0.9, 1.0), (1.1, 0.5), (3.0, 0.25), (100.0, 2.0**-7)):
