@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 FEWEST_FRAMES, MOST_FRAMES = 3, 12
 STILL_FALLING = 0.85
 
-# Time of one of Newton's passes, with the preconditioner and the sums of conjugate gradients, over that of one of
-# Verlet's gradient passes; measured on one thread at 1,000 to 6,000 tetrahedra.
-COST_OF_NEWTON_PASS = 1.7
+# Time of one of Newton's passes, with the sums of conjugate gradients, over that of one of Verlet's gradient passes;
+# work of the preconditioner is counted among the passes. One thread, bunnies of 2,000 and 20,000 vertices.
+COST_OF_NEWTON_PASS = 1.1
 
-# The cheapest frame of Newton's method: two substeps and one of the companion, two solves each, of some eight passes.
-LEAST_NEWTON_COST = 3 * 2 * 8 * COST_OF_NEWTON_PASS
+# The cheapest frame of Newton: two substeps and one of the companion, two solves each, of some thirteen passes.
+LEAST_NEWTON_COST = 3 * 2 * 13 * COST_OF_NEWTON_PASS
 
 # A pilot that has cost this share of the whole motion with Verlet is given up.
 MOST_PILOT_SHARE = 0.15

@@ -25,18 +25,18 @@ ACCELERATIONS, TIMES = "newton/accelerations", "newton/times"
 LARGEST_SHARE = 1.5
 
 
-def expected_positions(potential: IncrementalPotential, memory: Memory) -> Floats:
-    """xhat + h^2 a [m], shape [n, 3]; xhat alone where there is no step to draw on."""
-    x = potential.xhat.copy()
+def expected_offset(potential: IncrementalPotential, memory: Memory) -> Floats | None:
+    """h^2 a [m], shape [n, 3]: from xhat to where the step should end; None where there is no step to draw on."""
     if ACCELERATIONS not in memory or potential.time is None:
-        return x
+        return None
     backend, h2, times = potential.backend, 1.0 / potential.inverse_h2, memory[TIMES]
     before, last = memory[ACCELERATIONS][0], memory[ACCELERATIONS][-1]
-    backend.add_scaled(x, h2, last)
+    offset = np.zeros_like(last)
+    backend.add_scaled(offset, h2, last)
     share = 0.0 if len(times) < 2 else float((potential.time - times[1]) / (times[1] - times[0]))
     if 0.0 < share <= LARGEST_SHARE:
-        backend.add_scaled(x, h2 * share, backend.difference(last, before))
-    return x
+        backend.add_scaled(offset, h2 * share, backend.difference(last, before))
+    return offset
 
 
 def with_acceleration(potential: IncrementalPotential, x: Floats, memory: Memory) -> Memory:

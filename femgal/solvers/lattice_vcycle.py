@@ -11,10 +11,8 @@ Everything is single precision: it is bandwidth that a cycle costs. The rounding
 it averages out over the soft modes that the cycle is there for.
 
 Why the finest level is assembled too: the coarse matrices need it anyway, and a product with 14 blocks of float32 per
-row takes half of the time of a matrix-free product in float32, and a sixth of one with the definite part (bunny, 20,000
-vertices, one thread). In units of a matrix-free product assembly takes 10, a refresh 25 to 30, a cycle with polynomials
-of degree 2 less than 4. Degree 1 takes half of that and 1.3 to 1.5 times as many iterations, so as much time or a
-little less; degree 3 is slower.
+row takes less than half of the time of a matrix-free product in float32. Degree 1 takes half of the time of degree 2
+and 1.3 to 1.5 times as many iterations, whose product is matrix-free: no gain; degree 3 is slower.
 """
 
 from __future__ import annotations
@@ -38,6 +36,10 @@ Floats = NDArray[np.float64]
 DENSE_WORK = 1e6
 MOST_DENSE = 1200
 
+# What making it anew and one cycle take, in gradient passes in float64: bunny of 20,000 and 100,000 vertices, one
+# thread. With 2,000 vertices these are 80 and 3.2, most of it the dense bottom.
+REFRESH, CYCLE = 37.0, 2.3
+
 # Degree of the bottom's polynomial where it is too large to be dense: many bodies that do not touch.
 BOTTOM_DEGREE = 8
 BOTTOM_RATIO = 100.0
@@ -53,9 +55,10 @@ class LatticeVCycle:
     precision : Of matrices and cycle.
     """
 
-    price = 5.0
+    price = 10.0
 
     def __init__(self, backend: Backend, degree: int = 2, precision: Precision = "float32") -> None:
+        self._backend = backend
         self._assembly = HessianAssembly(backend.disc, precision, backend.threads)
         self._A = self._assembly.matrix()
         most = min(MOST_DENSE, int((DENSE_WORK * self._A.n_rows) ** (1.0 / 3.0)))
@@ -77,12 +80,14 @@ class LatticeVCycle:
 
     def refresh(self, potential: IncrementalPotential, x: Floats) -> None:
         """Matrices of all levels at x."""
+        potential.backend.passes.matrix += REFRESH
         self._assembly.assemble(x, potential.inverse_h2, out=self._A)
         self._cycle.refresh()
 
     def apply(self, r: Floats) -> Floats:
         """What a cycle makes of A^-1 r [m], rows of the free vertices, shape [k, 3]."""
         # Residuals of all sizes must fit into single precision.
+        self._backend.passes.matrix += CYCLE
         size = float(np.abs(r).max(initial=0.0))
         if size == 0.0:
             return np.zeros_like(r)

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Backend
-from femgal.solvers.extrapolation import expected_positions, with_acceleration
+from femgal.solvers.extrapolation import expected_offset, with_acceleration
 from femgal.solvers.line_search import first_minimum
 from femgal.solvers.pcg import Solution, solve
 from femgal.solvers.preconditioner import Preconditioner
@@ -42,6 +42,10 @@ Floats = NDArray[np.float64]
 
 # The linear system need not be solved better than Newton's model is good: at most this share per Newton iteration.
 LEAST_REDUCTION = 1e-3
+
+
+# Accelerations have led to the end of a step where phi is least so near to there on the way.
+AIMED = 0.1
 
 
 @dataclass(eq=False)
@@ -99,13 +103,31 @@ class Newton:
         return state
 
     def init(self, potential: IncrementalPotential, memory: dict[str, NDArray]) -> NewtonState:
-        """Start where phi is least on the line from x_n to where the vertices are expected."""
-        expected = expected_positions(potential, memory)
+        """Start where accelerations lead, where phi is least there on the way from x_n; else at the least on the way.
+
+        Where the motion is faster than the steps its accelerations lead anywhere: then the start is the least on the
+        line to xhat, and from there on along the acceleration, so never above what xhat alone gives.
+        """
+        backend, offset = self.backend, expected_offset(potential, memory)
         if potential.x_n is None:
-            return NewtonState(expected, memory=memory)
-        x, d = potential.x_n.copy(), self.backend.difference(expected, potential.x_n)
-        self.backend.add_scaled(x, first_minimum(potential.along(self.backend.vertices, x, d)), d)
+            return NewtonState(potential.xhat.copy(), memory=memory)
+        inertial = backend.difference(potential.xhat, potential.x_n)
+        if offset is None:
+            return NewtonState(self._least(potential, potential.x_n, inertial)[0], memory=memory)
+        whole = inertial.copy()
+        backend.add_scaled(whole, 1.0, offset)
+        x, t = self._least(potential, potential.x_n, whole)
+        if abs(t - 1.0) > AIMED:
+            x, _ = self._least(potential, potential.x_n, inertial)
+            x, _ = self._least(potential, x, offset)
         return NewtonState(x, memory=memory)
+
+    def _least(self, potential: IncrementalPotential, x: Floats, d: Floats) -> tuple[Floats, float]:
+        """x + t d at the first minimum of phi, and t."""
+        t = first_minimum(potential.along(self.backend.vertices, x, d))
+        x = x.copy()
+        self.backend.add_scaled(x, t, d)
+        return x, t
 
     def step(self, potential: IncrementalPotential, state: SolverState) -> NewtonState:
         """One Newton iteration, or none where the residual turns out to be small enough."""

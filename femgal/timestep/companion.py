@@ -61,7 +61,7 @@ class Companion:
         self, memory: Mapping[str, NDArray], state: MotionState, duration: float, substeps: int
     ) -> tuple[dict[str, NDArray], float]:
         """The companion's state after the frame, and its distance from the motion [sqrt(kg) m]."""
-        companion = _unpacked(memory, state.time - duration)
+        companion = _unpacked(memory)
         companion, half = self.stepper.begin_frame(companion, duration, substeps // 2)
         for _ in range(half):
             companion = self.stepper.step(companion, duration / half)
@@ -69,11 +69,16 @@ class Companion:
 
 
 def _packed(state: MotionState) -> dict[str, NDArray]:
-    arrays = {"x": state.x, "v": state.v, **{f"memory/{name}": array for name, array in state.memory.items()}}
+    arrays = {
+        "time": np.array([state.time]),
+        "x": state.x,
+        "v": state.v,
+        **{f"memory/{name}": array for name, array in state.memory.items()},
+    }
     return {PREFIX + name: array for name, array in arrays.items()}
 
 
-def _unpacked(memory: Mapping[str, NDArray], time: float) -> MotionState:
+def _unpacked(memory: Mapping[str, NDArray]) -> MotionState:
     own = {name.removeprefix(PREFIX): array for name, array in memory.items() if name.startswith(PREFIX)}
     rest = {name.removeprefix("memory/"): array for name, array in own.items() if name.startswith("memory/")}
-    return MotionState(time, own["x"], own["v"], rest)
+    return MotionState(float(own["time"][0]), own["x"], own["v"], rest)

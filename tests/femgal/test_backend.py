@@ -210,5 +210,6 @@ def test_passes_are_counted():
         "gradient_and_blocks": pytest.approx(hierarchy.complexity, rel=1e-12),
         "hessian_product": 1.0,
         "energy": 1.0,
+        "matrix": 0.0,
     }
     assert backend.passes.total == pytest.approx(3.0 + hierarchy.complexity, rel=1e-12)
