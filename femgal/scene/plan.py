@@ -269,7 +269,7 @@ def _newton_stages(scene: Scene, disc: Discretisation, hierarchy: Hierarchy | No
     made = hierarchy.complexity if hierarchy else 1.0
     visited = 2 * made - 2 if settings.preconditioner == "cycle" else 0.0
     products = f"of conjugate gradients, some {USUAL_ITERATIONS} to a reduction of {settings.reduction:g}"
-    each = "made once a frame, and where they have aged"
+    each = "made anew where it has aged, counted once a frame"
     return [
         Stage("gradient", "substep", True, "once per Newton iteration", n_free, m, 1.0),
         Stage("preconditioner", "frame", True, f"{settings.preconditioner}, {each}", n_free, m, made),

@@ -8,9 +8,10 @@
 4. The residual left is no larger than the reduction asked for, measured in the norm of the preconditioner.
 5. A quadratic potential takes one Newton iteration; nu is zero there and falls with the length of the step elsewhere.
 6. Where the Hessian is indefinite the potential still falls at every iteration.
-7. A new frame has a new preconditioner, so a motion goes on from a saved state as if it had not stopped.
+7. A motion goes on from a saved state as if it had not stopped, with the preconditioner of before.
 8. A body at rest stays there, and what is not finite is reported.
 9. An absolute tolerance is met, however loose the reduction.
+10. A step does not start where accelerations turn elements inside out.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import pytest
 from femgal.hierarchy.hierarchy import build_constant_hierarchy, build_linear_hierarchy
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.solvers import pcg
+from femgal.solvers.extrapolation import ACCELERATIONS, TIMES
 from femgal.solvers.layer_cycle import LayerCycle
 from femgal.solvers.newton import Newton, NewtonState, nonlinearity
 from femgal.solvers.preconditioner import LayerBlocks
@@ -221,3 +223,14 @@ def test_an_absolute_tolerance_is_met(reduction):
     assert state.outcome is Outcome.CONVERGED
     assert eps18(PHI.residual(state.x)) <= 1e-13
     np.testing.assert_allclose(state.x, MINIMISER, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize(("size", "followed"), [(1e-3, True), (-2.0, False)])
+def test_accelerations_are_not_followed_through_elements(monkeypatch, size, followed):
+    searches = iter([1.0, 0.0, 0.0])
+    monkeypatch.setattr("femgal.solvers.newton.first_minimum", lambda coefficients: next(searches))
+    offset = np.where(DISC.free[:, None], size * (X - X[left_end(MESH)].mean(axis=0)), 0.0)
+    phi = IncrementalPotential(BACKEND, X.copy(), H, x_n=X, time=2.0 * H)
+    memory = {TIMES: np.array([H]), ACCELERATIONS: offset[None] / H**2}
+    start = Newton(BACKEND, LayerBlocks(CONSTANT)).init(phi, memory).x
+    np.testing.assert_allclose(start, X + offset if followed else X, rtol=0, atol=1e-12)
