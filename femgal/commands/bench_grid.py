@@ -19,7 +19,7 @@ INTERRUPTED = 130
 _HELP = {
     "solver": 'A curve with choices: "fas substeps=5,10,25 steps=exact,spectral label=mine".',
     "vary": "Choices for every solver that has the key: steps=exact,spectral",
-    "limit": "Longest time of one run [s]; then it counts as failed.",
+    "limit": "Longest CPU time per thread of one run [s]; then it counts as failed.",
     "cluster": "Run on the workers of this Dask scheduler: tcp://127.0.0.1:8786.",
     "clock": "The time that counts: wall, cpu (of all threads), or auto: cpu on one thread.",
     "gap": "Measure the energy gap of the first N substeps, by a direct solver: for small meshes.",

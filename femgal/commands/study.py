@@ -20,7 +20,7 @@ _HELP = {
     "scene": "A built-in scene or a file, in place of the study's: rabbit-drape comes with its mesh.",
     "sizes": "Numbers of vertices, in place of the study's.",
     "levels": "Levels of eps18: in metres, for single substeps as shares of the prediction's.",
-    "limit": "Longest time of one run [s]; then it counts as failed.",
+    "limit": "Longest CPU time per thread of one run [s]; then it counts as failed.",
     "older": "Take runs of other sources where there are none of these.",
 }
 

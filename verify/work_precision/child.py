@@ -17,6 +17,7 @@ from typing import Any
 
 from femgal.scene.load import parse_scene
 from meshes.errors import InputError
+from verify.work_precision.launch import END
 from verify.work_precision.request import Request
 from verify.work_precision.store import write_result
 
@@ -32,6 +33,7 @@ def main(request_file: Path, out: Path) -> None:
     arrays = None
     try:
         scene = parse_scene(request.scene, request.label)
+        _end_at(request.time_limit, scene.solver.threads)
         if request.kind == "survey":
             from verify.work_precision.survey import survey
 
@@ -54,6 +56,16 @@ def _die_with_the_parent() -> None:
     """Nobody is left to read the result; a worker that was killed must not leave a run behind that takes its CPU."""
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _end_at(time_limit: float | None, threads: int | None) -> None:
+    """Have the system end this process when it has had as much CPU time as the time limit gives its threads.
+
+    CPU time, because a machine that others share may give a process a tenth of the clock's.
+    """
+    if time_limit is not None:
+        signal.signal(END, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_PROF, time_limit * (threads or os.cpu_count() or 1))
 
 
 def _peak_mb() -> float:

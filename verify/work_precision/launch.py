@@ -23,6 +23,10 @@ COMMAND: tuple[str, ...] = ("-m", "verify.work_precision.child")
 # Every library that has threads of its own takes as many as the run may have.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
+# What ends a run whose CPU time is up; and how many times its limit, and seconds to start, it may take by the clock.
+END = signal.SIGPROF
+MOST_STARVED, STARTING = 20.0, 120.0
+
 # Longest end of what a process that crashed had to say.
 _MOST_WORDS = 2000
 
@@ -59,7 +63,7 @@ def launch(request: Request, out: Path) -> None:
             )
             _running.add(process)
             try:
-                late = _wait(process, request.time_limit)
+                late = _wait(process, _most_seconds(request))
             finally:
                 _running.discard(process)
             words.seek(0)
@@ -79,6 +83,11 @@ def end_all() -> None:
         _unwanted.add(process)
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
+
+
+def _most_seconds(request: Request) -> float | None:
+    """By the clock; a run that waits for something that never comes takes no CPU time."""
+    return None if request.time_limit is None else MOST_STARVED * request.time_limit + STARTING
 
 
 def _wait(process: subprocess.Popen[bytes], limit: float | None) -> bool:
@@ -111,7 +120,9 @@ def _environment(request: Request) -> dict[str, str]:
 
 def _failure(request: Request, code: int, late: bool, said: str, seconds: float) -> dict[str, Any]:
     if late:
-        kind, text = "time limit", f"stopped after {request.time_limit:g} s, its time limit"
+        kind, text = "time limit", f"stopped after {seconds:.0f} s, with less CPU time than its limit"
+    elif code == -END:
+        kind, text = "time limit", f"stopped after {request.time_limit:g} s of CPU time per thread, its time limit"
     elif code < 0:
         name = signal.Signals(-code).name
         hint = ", as the system does where memory runs out" if -code == signal.SIGKILL else ""

@@ -35,7 +35,7 @@ class Request:
     options : What a substep is taken at, and for how long it is solved (`verify.work_precision.run_substep`).
     repeat : 0, or the number of the repetition.
     identity : What the result depends on, where that is not the text of the scene and all sources.
-    time_limit : Longest time [s]; None for any.
+    time_limit : Longest CPU time per thread [s]; None for any.
     """
 
     kind: Kind
