@@ -16,6 +16,12 @@ NAMES = tuple(
 _COLUMNS, _WIDTH, _HEIGHT = 3, 5.0, 4.0
 _MARKS = "os^Dvx+*<>ph"
 
+# Colours before they come again, then with dotted lines; marks and colours do not come again together.
+_COLOURS = 10
+
+# Axes that span fewer decades have labels at 2 and 5 too.
+_FEW_DECADES = 2.0
+
 
 def draw_pictures(record: Record, folder: Path) -> list[Path]:
     """Write the plots and return their paths; needs matplotlib.
@@ -57,10 +63,30 @@ def _draw(chart: Chart, figure: Any) -> None:
 def _panel(axes: Any, plot: Plot) -> None:
     for number, curve in enumerate(plot["curves"]):
         of_reference = curve["name"].startswith("the reference")
-        style = {"color": "0.6", "linestyle": "--"} if of_reference else {"marker": _MARKS[number % len(_MARKS)]}
+        style = {"color": "0.6", "linestyle": "--"} if of_reference else _style(number)
         axes.plot(curve["x"], curve["y"], label=curve["name"], markersize=4, linewidth=1.2, **style)
     axes.set(title=plot["title"], xlabel=plot["x"], ylabel=plot["y"])
     axes.title.set_fontsize("medium")
     if any(curve["x"] for curve in plot["curves"]):
         axes.set(xscale="log", yscale="log")
+        for axis in (axes.xaxis, axes.yaxis):
+            _label_few_decades(axis)
     axes.grid(True, which="major", alpha=0.3)
+
+
+def _style(number: int) -> dict[str, Any]:
+    line = "-" if number < _COLOURS else ":"
+    return {"color": f"C{number % _COLOURS}", "linestyle": line, "marker": _MARKS[number % len(_MARKS)]}
+
+
+def _label_few_decades(axis: Any) -> None:
+    """Short labels at 2 and 5 where powers of ten are few, and at powers of ten alone where they are many."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    least, most = sorted(axis.get_view_interval())
+    if math.log10(most / least) < _FEW_DECADES:
+        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+        axis.set_tick_params(which="minor", labelsize="small")
+    else:
+        axis.set_minor_formatter(NullFormatter())
