@@ -10,7 +10,9 @@ all are compiled anew. So what a compiled function takes from other files must l
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -25,6 +27,9 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Fused multiply-adds only: no reassociation, so results do not depend on how a loop was vectorised.
 _OPTIONS: dict[str, Any] = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
+
+# Numba's CUDA simulator calls functions of scalars from Python, so each is compiled on its own there.
+_SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
 
 
 def _skip_search_for_blas() -> None:
@@ -51,11 +56,17 @@ _skip_search_for_blas()
 
 def kernel(function: Function) -> Function:
     """Compile an array kernel on first call: releases the GIL, cached on disk."""
-    settings: Any = _config
+    with kernel_cache(function, _config):
+        return numba.njit(cache=True, **_OPTIONS)(function)
+
+
+@contextmanager
+def kernel_cache(function: Function, settings: Any) -> Iterator[None]:
+    """What is compiled by the settings' compiler in this block is cached where the sources of `function` say."""
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(_cache_folder(_package_of(function)))
     try:
-        return numba.njit(cache=True, **_OPTIONS)(function)
+        yield
     finally:
         settings.CACHE_DIR = before
 
@@ -66,7 +77,8 @@ def scalar(function: Function) -> Function:
     Without forced inlining LLVM keeps the call and the loop around it stays scalar. CUDA kernels may call the same
     function as it is.
     """
-    return numba.njit(forceinline=True, **_OPTIONS)(function)
+    with kernel_cache(function, _config):
+        return numba.njit(forceinline=True, cache=_SIMULATED, **_OPTIONS)(function)
 
 
 def _package_of(function: Callable[..., Any]) -> Path:
