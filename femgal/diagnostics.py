@@ -59,11 +59,9 @@ class Energies:
 
 def energies_of(backend: Backend, state: MotionState, gravity: Floats) -> tuple[Energies, Floats, Floats]:
     """Energies of a state; with them the elastic energy [J] and J of each tetrahedron."""
-    disc = backend.disc
     energy, J = backend.energies(state.x)
-    kinetic = 0.5 * float(disc.mass @ np.einsum("ij,ij->i", state.v, state.v))
-    potential = -float(disc.mass @ ((state.x - disc.mesh.points) @ gravity))
-    return Energies(kinetic, float(energy.sum()), potential, float(J.min())), energy, J
+    kinetic, potential = backend.kinetic_energy(state.v), backend.weight_energy(state.x, gravity)
+    return Energies(kinetic, backend.total(energy), potential, backend.smallest(J)), energy, J
 
 
 class EnergyGuard:
@@ -105,15 +103,14 @@ class EnergyGuard:
         """Allow for what the prescribed vertices may put in over the next frame; costs nothing when none moves."""
         if not self._moving:
             return
-        before = float(self._backend.energies(state.x)[0].sum())
-        mass = self._backend.disc.mass[:, None]
-        most = 0.0
-        x = state.x.copy()
+        backend, most = self._backend, 0.0
+        before = backend.total(backend.energies(state.x)[0])
+        x = backend.copy(state.x)
         for sample in range(1, SAMPLES + 1):
             share = duration * sample / SAMPLES
-            place(self._moving, state.time + share, x)
-            stored = float(self._backend.energies(x)[0].sum()) - before
-            dragged = 0.5 * float((mass * (x - state.x) ** 2).sum()) / share**2
+            place(backend, self._moving, state.time + share, x)
+            stored = backend.total(backend.energies(x)[0]) - before
+            dragged = 0.5 * backend.mass_distance(x, state.x) / share**2
             most = max(most, stored + dragged)
         self._pending = most
 

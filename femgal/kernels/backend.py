@@ -2,8 +2,12 @@
 """What solvers and time stepping ask of a device: element passes, work at nodes, sums over vertices.
 
 Solvers know no other way to the elements. Three backends answer: `femgal.kernels.plain` (the slow, obvious reference),
-`femgal.kernels.cpu` (tiles, in float32 or float64) and a GPU. Positions, velocities and all that time stepping adds up
-stay in float64 whatever the precision of the element passes.
+`femgal.kernels.cpu` (tiles, in float32 or float64) and `femgal.kernels.cuda` (a GPU). Positions, velocities and all
+that time stepping adds up stay in float64 whatever the precision of the element passes.
+
+Arrays with a row per vertex, node or tetrahedron belong to the backend: on a GPU they are arrays of the device, and
+only the backend's methods work on them. `to_host` brings one home. Small arrays and numbers are the host's; a `Number`
+may be a `Deferred`, for which the host waits only when it is looked at.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from numpy.typing import NDArray
 
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.layer import Layer
+from femgal.kernels.deferred import Number
 
 Floats = NDArray[np.float64]
 
@@ -71,6 +76,18 @@ class Backend(Protocol):
     def threads(self) -> int:
         """CPU threads that share the work."""
 
+    def to_device(self, values: Floats) -> Floats:
+        """The backend's array with the values of a host array, in float64; a host backend's may share its memory."""
+
+    def to_host(self, values: Floats) -> NDArray:
+        """The host's array with the values of one of the backend's; may share its memory."""
+
+    def copy(self, x: Floats) -> Floats:
+        """A copy that belongs to the caller."""
+
+    def zeros(self, rows: int) -> Floats:
+        """Zeros of shape [rows, 3]."""
+
     def gradient(self, x: Floats) -> Floats:
         """Gradient of the elastic energy at the free vertices [N], shape [n, 3], zero at constrained ones."""
 
@@ -94,7 +111,7 @@ class Backend(Protocol):
 
     def correction(
         self, layer: Layer, x: Floats, xhat: Floats, inverse_h2: float, w: float = 1.0, *, scalar: bool = False
-    ) -> tuple[Floats, float]:
+    ) -> tuple[Floats, Number]:
         """dx = -w H^-1 g at the nodes of a layer [m], shape [k, 3], and its slope g . dx [J].
 
         What `gradient_and_blocks` and `solve` give, without keeping g and H.
@@ -139,11 +156,66 @@ class Backend(Protocol):
     def predict(self, x: Floats, v: Floats, h: float, gravity: Floats, inertia: float = 1.0) -> Floats:
         """x + (h v + h^2 g) / inertia [m], shape [n, 3]: where inertia and gravity take the vertices in h seconds."""
 
+    def kick_drift(self, x: Floats, v: Floats, a: Floats, h: float, decay: float) -> tuple[Floats, Floats]:
+        """Positions x + h v' and velocities v' = decay v + h/2 a."""
+
+    def accelerate_kick(self, g: Floats, v: Floats, gravity: Floats, h: float, growth: float) -> None:
+        """In place the elastic gradient g becomes the acceleration a [m/s^2], and v becomes growth (v + h/2 a)."""
+
+    def place(self, x: Floats, vertices: NDArray[np.int64], positions: Floats) -> None:
+        """Put vertices at positions of the host [m], shape [k, 3], in place."""
+
+    def place_velocities(self, v: Floats, vertices: NDArray[np.int64], x: Floats, before: Floats, h: float) -> None:
+        """Velocities (x - before) / h of the listed vertices, in place."""
+
     def dot(self, a: Floats, b: Floats) -> float:
         """Sum of a * b over arrays of shape [k, 3]."""
 
-    def largest(self, dx: Floats) -> float:
+    def largest(self, dx: Floats) -> Number:
         """Largest |component| of an array of shape [k, 3]; NaN when one of them is not finite."""
+
+    def norm(self, a: Floats) -> float:
+        """Square root of the sum of a * a over an array of rows."""
+
+    def is_finite(self, x: Floats) -> bool:
+        """Whether all entries of an array of rows are finite."""
+
+    def looks_finite(self, x: Floats) -> bool:
+        """The same for a look at every substep: False only if they are not; a device does not wait to find out."""
+
+    def total(self, values: Floats) -> float:
+        """Sum of a list of numbers."""
+
+    def smallest(self, values: Floats) -> float:
+        """Smallest of a list of numbers, not a number where one of them is not."""
+
+    def kinetic_energy(self, v: Floats) -> float:
+        """sum m |v|^2 / 2 [J]."""
+
+    def weight_energy(self, x: Floats, gravity: Floats) -> float:
+        """Potential energy of gravity [J], zero at the rest positions."""
+
+    def mass_distance(self, x: Floats, y: Floats) -> float:
+        """sum m |x - y|^2 [kg m^2]."""
+
+    def divided_by_mass(self, f: Floats, scale: float = 1.0) -> Floats:
+        """scale M^-1 f, shape [n, 3]."""
+
+    def add_inertia(self, g: Floats, x: Floats, xhat: Floats, inverse_h2: float) -> None:
+        """g += M (x - xhat) inverse_h2 [N] at the free vertices, in place."""
+
+    def unit_mode(self, v: Floats) -> Floats:
+        """v at the free vertices, zero at constrained ones, over its norm weighted by mass, shape [n, 3]."""
+
+    def power_step(self, x: Floats, v: Floats) -> tuple[float, float, Floats]:
+        """One power iteration with M^-1 K at x.
+
+        Returns
+        -------
+        theta : Rayleigh quotient of v [1/s^2].
+        bound : |w - theta v|_M for v of unit norm [1/s^2].
+        w : M^-1 K v, of v of unit norm, shape [n, 3].
+        """
 
     def von_mises(self, x: Floats) -> Floats:
         """Von Mises norm of the Cauchy stress of each tetrahedron [Pa], shape [m]."""

@@ -94,7 +94,7 @@ class Chebyshev:
         """One iteration of the solver and its extrapolation."""
         assert isinstance(state, AcceleratedState)
         rho = 1.0 if self.rho == "auto" else self.rho
-        kept, omega = state.x.copy(), next_weight(rho, state.iteration, state.omega)
+        kept, omega = potential.backend.copy(state.x), next_weight(rho, state.iteration, state.omega)
         after = self.solver.step(potential, SolverState(state.x, state.iteration))
         if state.previous is not None:
             self._extrapolate(potential, after.x, state.previous, omega - 1.0)

@@ -17,8 +17,8 @@ from femgal.timestep.potential import IncrementalPotential
 Floats = NDArray[np.float64]
 Memory = dict[str, NDArray]
 
-# Elastic accelerations of the last two steps [m/s^2], shape [2, n, 3] (one step: [1, n, 3]), and their times [s].
-ACCELERATIONS, TIMES = "newton/accelerations", "newton/times"
+# Elastic accelerations of the last step and the one before it [m/s^2], shape [n, 3], and their times, ascending [s].
+LAST, BEFORE, TIMES = "newton/acceleration", "newton/acceleration_before", "newton/times"
 
 # They are drawn on by so many times the distance of the two: stages of TR-BDF2 need 1.41. After a step that became
 # much longer the last acceleration alone is better.
@@ -27,15 +27,15 @@ LARGEST_SHARE = 1.5
 
 def expected_offset(potential: IncrementalPotential, memory: Memory) -> Floats | None:
     """h^2 a [m], shape [n, 3]: from xhat to where the step should end; None where there is no step to draw on."""
-    if ACCELERATIONS not in memory or potential.time is None:
+    if LAST not in memory or potential.time is None:
         return None
     backend, h2, times = potential.backend, 1.0 / potential.inverse_h2, memory[TIMES]
-    before, last = memory[ACCELERATIONS][0], memory[ACCELERATIONS][-1]
-    offset = np.zeros_like(last)
+    last = memory[LAST]
+    offset = backend.zeros(len(last))
     backend.add_scaled(offset, h2, last)
     share = 0.0 if len(times) < 2 else float((potential.time - times[1]) / (times[1] - times[0]))
     if 0.0 < share <= LARGEST_SHARE:
-        backend.add_scaled(offset, h2 * share, backend.difference(last, before))
+        backend.add_scaled(offset, h2 * share, backend.difference(last, memory[BEFORE]))
     return offset
 
 
@@ -43,8 +43,7 @@ def with_acceleration(potential: IncrementalPotential, x: Floats, memory: Memory
     """The memory with the elastic acceleration of a step that ended at x, and that of the step before."""
     if potential.time is None:
         return memory
-    times, accelerations = np.array([potential.time]), potential.elastic_acceleration(x)[None]
+    known = {LAST: potential.elastic_acceleration(x), TIMES: np.array([potential.time])}
     if TIMES in memory:
-        times = np.concatenate([memory[TIMES][-1:], times])
-        accelerations = np.concatenate([memory[ACCELERATIONS][-1:], accelerations])
-    return memory | {ACCELERATIONS: accelerations, TIMES: times}
+        known |= {BEFORE: memory[LAST], TIMES: np.concatenate([memory[TIMES][-1:], known[TIMES]])}
+    return memory | known

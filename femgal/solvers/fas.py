@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
+from femgal.kernels.deferred import Number, largest_of
 from femgal.solvers.cycle import Cycle
 from femgal.solvers.smoother import Relaxation
 from femgal.solvers.solver import SolverState
@@ -26,9 +25,8 @@ class FAS(Relaxation):
 
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
         """One cycle, then the momentum of free parts."""
-        largest = np.zeros(len(self.layers))
+        found: list[list[Number]] = [[] for _ in self.layers]
         for number in self.cycle.schedule(len(self.layers)):
-            # np.maximum hands on what is not a number; max does not.
-            largest[number] = np.maximum(largest[number], self.smooth_layer(potential, state.x, number))
+            found[number].append(self.smooth_layer(potential, state.x, number))
         self.restore_momentum(potential, state.x)
-        return SolverState(state.x, state.iteration + 1, tuple(largest.tolist()))
+        return SolverState(state.x, state.iteration + 1, tuple(largest_of(sizes) for sizes in found))

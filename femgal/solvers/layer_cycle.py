@@ -38,7 +38,7 @@ class LayerCycle:
     def refresh(self, potential: IncrementalPotential, x: Floats) -> None:
         """Blocks and step lengths of all layers at x."""
         backend, weight = potential.backend, potential.inverse_h2
-        self._at = (potential, x.copy())
+        self._at = (potential, backend.copy(x))
         self._H = [backend.gradient_and_blocks(layer, x, x, weight)[1] for layer in self.layers]
         self._w = step_lengths("spectral", potential, self.layers)
 
@@ -47,7 +47,7 @@ class LayerCycle:
         assert self._at is not None
         (potential, x), finest = self._at, self.layers[0]
         backend = potential.backend
-        f, z = np.zeros_like(x), np.zeros_like(x)
+        f, z = backend.zeros(len(x)), backend.zeros(len(x))
         backend.prolong(finest, r, f)
         down = range(len(self.layers))
         order = [*down, *reversed(down[:-1])]

@@ -118,11 +118,11 @@ class Newton:
         """
         backend, offset = self.backend, expected_offset(potential, memory)
         if potential.x_n is None:
-            return NewtonState(potential.xhat.copy(), memory=memory)
+            return NewtonState(backend.copy(potential.xhat), memory=memory)
         inertial = backend.difference(potential.xhat, potential.x_n)
         if offset is None:
             return NewtonState(self._least(potential, potential.x_n, inertial)[0], memory=memory)
-        whole = inertial.copy()
+        whole = backend.copy(inertial)
         backend.add_scaled(whole, 1.0, offset)
         x, t = self._least(potential, potential.x_n, whole)
         if abs(t - 1.0) > AIMED or not self._upright(x):
@@ -137,7 +137,7 @@ class Newton:
     def _least(self, potential: IncrementalPotential, x: Floats, d: Floats) -> tuple[Floats, float]:
         """x + t d at the first minimum of phi, and t."""
         t = first_minimum(potential.along(self.backend.vertices, x, d))
-        x = x.copy()
+        x = self.backend.copy(x)
         self.backend.add_scaled(x, t, d)
         return x, t
 
@@ -154,7 +154,7 @@ class Newton:
             return NewtonState(x, state.iteration + 1, (0.0,), None, memory, start, left, measured=True)
         if state.iteration == 0:
             memory = self._upkeep.note(solution.iterations, memory)
-        d = np.zeros_like(x)
+        d = backend.zeros(len(x))
         backend.prolong(backend.vertices, solution.d, d)
         coefficients = potential.along(backend.vertices, x, d)
         coefficients[0] = backend.dot(g, solution.d)
@@ -163,7 +163,7 @@ class Newton:
         if self.free_parts is not None:
             smooth(potential, self.free_parts, x, 1.0)
         left = solution.start / start * math.hypot(solution.reduction, nonlinearity(coefficients, t))
-        moved = t * backend.largest(solution.d)
+        moved = t * float(backend.largest(solution.d))
         products = state.products + solution.iterations
         return NewtonState(x, state.iteration + 1, (moved,), None, memory, start, left, products=products)
 
@@ -179,11 +179,11 @@ class Newton:
     ) -> Solution:
         """Conjugate gradients on A d = -g, with the definite part of A where that turns out to be needed."""
         backend = self.backend
-        b = backend.difference(np.zeros_like(g), g)
+        b = backend.difference(backend.zeros(len(g)), g)
         if reduction is None:
             now = math.sqrt(max(0.0, backend.dot(b, self.preconditioner.apply(b))))
             if now <= self.reduction * state.start:
-                return Solution(np.zeros_like(b), 0, now, 1.0)
+                return Solution(backend.zeros(len(b)), 0, now, 1.0)
             # A little more than what is missing: the model is better now than at the start.
             reduction = min(0.5, 0.5 * self.reduction * state.start / now)
         reduction = max(LEAST_REDUCTION, reduction)
@@ -201,7 +201,7 @@ class Newton:
         return solution
 
     def _product(self, potential: IncrementalPotential, x: Floats, p: Floats, *, definite: bool) -> Floats:
-        d = np.zeros_like(x)
+        d = self.backend.zeros(len(x))
         self.backend.prolong(self.backend.vertices, p, d)
         return self.backend.nodal_product(self.backend.vertices, x, d, potential.inverse_h2, definite=definite)
 
@@ -210,7 +210,7 @@ class Newton:
         assert isinstance(state, NewtonState)
         if state.iteration == 0:
             return None
-        if not np.isfinite(state.corrections).all() or not math.isfinite(state.left):
+        if not all(math.isfinite(float(size)) for size in state.corrections) or not math.isfinite(state.left):
             return Outcome.DIVERGED
         if self.budget.tolerance is not None:
             return self.budget.outcome(potential, state)

@@ -53,7 +53,7 @@ def solve(
     reduction : Share at which to stop.
     most_iterations : At most this many products.
     """
-    d, r = np.zeros_like(b), b.copy()
+    d, r = backend.zeros(len(b)), backend.copy(b)
     z = precondition(r)
     rz = first = backend.dot(r, z)
     p = z

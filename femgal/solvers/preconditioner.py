@@ -68,9 +68,9 @@ class LayerBlocks:
         z = backend.solve(r, self._H[0], -1.0)
         if len(self.layers) == 1:
             return z
-        finest, f = self.layers[0], np.zeros_like(self._potential.xhat)
+        finest, n = self.layers[0], backend.disc.n_vertices
+        f, total = backend.zeros(n), backend.zeros(n)
         backend.prolong(finest, r, f)
-        total = np.zeros_like(f)
         for layer, H in zip(self.layers[1:], self._H[1:], strict=True):
             backend.prolong(layer, backend.solve(backend.restrict(layer, f), H, -1.0), total)
         backend.add_scaled(z, 1.0, backend.restrict(finest, total))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Backend
+from femgal.kernels.deferred import Number, times
 from femgal.solvers.blocks import KeptBlocks, forget
 from femgal.solvers.line_search import LineSearch, backtrack, first_minimum
 from femgal.solvers.solver import Budget, Outcome, SolverState
@@ -48,7 +49,7 @@ def smooth(
     scalar: bool = False,
     blocks: Floats | None = None,
     search: LineSearch = first_minimum,
-) -> float:
+) -> Number:
     """x += P dx with dx_i = -w H_i^-1 g_i (Lu et al. 2025, Eq. 6), in place; returns max |dx| [m].
 
     With `scalar` only the diagonal of each block is used, with `blocks` those in place of the present ones. With
@@ -60,7 +61,7 @@ def smooth(
     else:
         g = backend.nodal_gradient(layer, x, potential.xhat, potential.inverse_h2)
         dx = backend.solve(g, blocks, length, scalar=scalar)
-        slope = backend.dot(g, dx)
+        slope = backend.dot(g, dx) if math.isnan(w) else math.nan
     return apply_correction(potential, layer, x, w, dx, slope, search)
 
 
@@ -70,21 +71,24 @@ def unit_or(w: float) -> float:
 
 
 def apply_correction(
-    potential: IncrementalPotential, layer: Layer, x: Floats, w: float, dx: Floats, slope: float, search: LineSearch
-) -> float:
-    """x += P dx, or as far as `search` says where w is SEARCHED, in place; slope = g . dx [J]. Returns max |dx| [m]."""
+    potential: IncrementalPotential, layer: Layer, x: Floats, w: float, dx: Floats, slope: Number, search: LineSearch
+) -> Number:
+    """x += P dx, or as far as `search` says where w is SEARCHED, in place. Returns max |dx| [m].
+
+    slope : g . dx [J], where w is SEARCHED; else nobody looks at it.
+    """
     backend = potential.backend
     if not math.isnan(w):
         backend.prolong(layer, dx, x)
         return backend.largest(dx)
-    d = np.zeros_like(x)
+    d = backend.zeros(len(x))
     backend.prolong(layer, dx, d)
     coefficients = potential.along(layer, x, d)
     # The same number as the one it replaces, but free of the rounding in a sum over elements.
-    coefficients[0] = slope
+    coefficients[0] = float(slope)
     t = search(coefficients)
     backend.add_scaled(x, t, d)
-    return t * backend.largest(dx)
+    return times(t, backend.largest(dx))
 
 
 def step_lengths(
@@ -152,8 +156,8 @@ class Relaxation(ABC):
         self._w, self._memory = memory["step_lengths"], memory
         self._kept = KeptBlocks.remembered(memory, self.search is None) if self.keep_blocks else None
         if self.search is None or potential.x_n is None:
-            return SolverState(potential.xhat.copy())
-        x, d = potential.x_n.copy(), self.backend.difference(potential.xhat, potential.x_n)
+            return SolverState(self.backend.copy(potential.xhat))
+        x, d = self.backend.copy(potential.x_n), self.backend.difference(potential.xhat, potential.x_n)
         self.backend.add_scaled(x, self.search(potential.along(self.backend.vertices, x, d)), d)
         return SolverState(x)
 
@@ -162,7 +166,7 @@ class Relaxation(ABC):
         """The search along each correction; None when step lengths are given beforehand."""
         return LINE_SEARCHES.get(self.steps)
 
-    def smooth_layer(self, potential: IncrementalPotential, x: Floats, number: int) -> float:
+    def smooth_layer(self, potential: IncrementalPotential, x: Floats, number: int) -> Number:
         """Smooth one layer once, in place; returns the largest correction [m]."""
         layer, w, kept, search = self.layers[number], float(self._w[number]), self._kept, self.search or first_minimum
         blocks = None if kept is None else kept.get(number)
@@ -172,7 +176,8 @@ class Relaxation(ABC):
         g, H = backend.gradient_and_blocks(layer, x, potential.xhat, potential.inverse_h2)
         kept.put(backend, number, g, H, scalar=self.scalar)
         dx = backend.solve(g, H, unit_or(w), scalar=self.scalar)
-        return apply_correction(potential, layer, x, w, dx, backend.dot(g, dx), search)
+        slope = backend.dot(g, dx) if math.isnan(w) else math.nan
+        return apply_correction(potential, layer, x, w, dx, slope, search)
 
     def conclude(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
         """Decide for how long blocks are kept."""

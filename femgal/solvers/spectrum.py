@@ -47,33 +47,29 @@ def largest_frequency_squared(
     start : First iterate, such as a mode found earlier, shape [n, 3]. A mode alone would be blind to every other one
         that has become faster since, so as much of `stiffest_motion` is mixed in.
     """
-    mass = backend.disc.mass[:, None]
-    v = np.where(backend.disc.free[:, None], start, 0.0)
-    v = v / _mass_norm(mass, v) + stiffest_motion(backend, x)
+    v = backend.unit_mode(backend.to_device(start))
+    backend.add_scaled(v, 1.0, backend.to_device(stiffest_motion(backend, x)))
     theta = bound = 0.0
     for iteration in range(max_iterations):
-        v /= _mass_norm(mass, v)
-        Kv = backend.hessian_product(x, v)
-        theta = float((v * Kv).sum())
-        w = Kv / mass
-        bound = _mass_norm(mass, w - theta * v)
-        v = w
+        theta, bound, v = backend.power_step(x, v)
         if iteration >= FEWEST_ITERATIONS and bound <= tolerance * abs(theta):
             break
-    return abs(theta) + bound, v / _mass_norm(mass, v)
+    return abs(theta) + bound, backend.unit_mode(v)
 
 
 def stiffest_motion(backend: Backend, x: Floats) -> Floats:
     """A random motion, of unit mass norm, of the vertices whose own blocks are largest over their mass; shape [n, 3].
 
+    An array of the host.
+
     The fastest mode of a mesh sits where its elements are smallest or most deformed.
     """
-    _, H = backend.gradient_and_blocks(backend.vertices, x, x, 0.0)
+    H = backend.to_host(backend.gradient_and_blocks(backend.vertices, x, x, 0.0)[1])
     mass = backend.disc.mass[:, None]
     # |H_i|_F / m_i, within sqrt(3) of the vertex's own omega^2.
     rate = np.sqrt((H**2 @ np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])) / backend.disc.mass[backend.disc.free] ** 2)
     fastest = np.flatnonzero(backend.disc.free)[np.argsort(rate, kind="stable")[-STIFFEST_VERTICES:]]
-    motion = np.zeros_like(x)
+    motion = np.zeros((backend.disc.n_vertices, 3))
     motion[fastest] = random_start(len(fastest))
     return motion / _mass_norm(mass, motion)
 
@@ -93,6 +89,7 @@ def largest_block_jacobi_eigenvalue(
     its eigenvector, which says when to stop.
     """
     backend = potential.backend
+    x = backend.to_device(x)
     _, H = backend.gradient_and_blocks(layer, x, x, potential.inverse_h2)
     r = random_start(layer.n_nodes)
     u = np.zeros_like(r)
@@ -100,7 +97,7 @@ def largest_block_jacobi_eigenvalue(
     betas: list[float] = []
     beta, value = 0.0, 1.0
     for _ in range(iterations):
-        w = backend.solve(r, H, -1.0, scalar=scalar)
+        w = backend.to_host(backend.solve(backend.to_device(r), H, -1.0, scalar=scalar))
         beta = float(np.sqrt(max(0.0, (w * r).sum())))
         if alphas:
             value, distance = _largest_ritz(alphas, betas, beta)
@@ -109,9 +106,9 @@ def largest_block_jacobi_eigenvalue(
                 break
             betas.append(beta)
         v, u, before = w / beta, r / beta, u
-        d = np.zeros_like(x)
-        backend.prolong(layer, v, d)
-        Av = backend.nodal_product(layer, x, d, potential.inverse_h2)
+        d = backend.zeros(backend.disc.n_vertices)
+        backend.prolong(layer, backend.to_device(v), d)
+        Av = backend.to_host(backend.nodal_product(layer, x, d, potential.inverse_h2))
         alphas.append(float((Av * v).sum()))
         r = Av - alphas[-1] * u - (betas[-1] if betas else 0.0) * before
     # The blocks D^-1 A_ii are identities, so the eigenvalues average 1 and the largest is no less.

@@ -55,7 +55,7 @@ class Upkeep:
             if abs(made_for - factor) <= SAME * factor and lost < self.preconditioner.price:
                 self._make(potential, memory[PLACE], made_for)
                 return memory
-        place = x.copy()
+        place = potential.backend.copy(x)
         self._make(potential, place, factor)
         return memory | {PLACE: place, WEAR: np.array([factor, 0.0, 0.0])}
 

@@ -86,8 +86,8 @@ class ImplicitMethod(ABC):
 
     def init(self, x0: Floats, v0: Floats) -> MotionState:
         """State at time zero."""
-        x, v = x0.copy(), v0.copy()
-        place(self.motions, 0.0, x)
+        x, v = self.backend.to_device(x0.copy()), self.backend.to_device(v0.copy())
+        place(self.backend, self.motions, 0.0, x)
         return MotionState(0.0, x, v)
 
     def begin_frame(self, state: MotionState, duration: float, substeps: int | None = None) -> tuple[MotionState, int]:
@@ -108,7 +108,7 @@ class ImplicitMethod(ABC):
 
         Solved well enough an implicit step has no stability limit; few sweeps with fixed step lengths have one.
         """
-        if not np.isfinite(state.x).all():
+        if not self.backend.is_finite(state.x):
             return state, 2 * substeps
         memory = {name: array for name, array in state.memory.items() if name != "substeps"}
         if substeps > max(self.substeps, least_substeps(state)):
@@ -147,9 +147,9 @@ class ImplicitMethod(ABC):
         xhat = self.backend.predict(past.y, past.w, past.h_e, self.gravity, inertia)
         x_n = state.x
         if self.motions:
-            place(self.motions, time, xhat)
-            x_n = state.x.copy()
-            place(self.motions, time, x_n)
+            place(self.backend, self.motions, time, xhat)
+            x_n = self.backend.copy(state.x)
+            place(self.backend, self.motions, time, x_n)
         return IncrementalPotential(self.backend, xhat, past.h_e, inertia, x_n, self.least_response, time)
 
     def residual(self, state: MotionState) -> Floats | None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,8 +59,7 @@ class IncrementalPotential:
     def gradient(self, x: Floats) -> Floats:
         """grad phi(x) [N] at the free vertices, shape [n, 3], zero at constrained ones."""
         g = self.backend.gradient(x)
-        free = self.backend.disc.free
-        g[free] += self.inverse_h2 * self.backend.disc.mass[free, None] * (x - self.xhat)[free]
+        self.backend.add_inertia(g, x, self.xhat, self.inverse_h2)
         return g
 
     def hessian_product(self, x: Floats, d: Floats) -> Floats:
@@ -83,12 +83,17 @@ class IncrementalPotential:
 
     def residual(self, x: Floats) -> Floats:
         """h^2 M^-1 grad phi [m], shape [n, 3]: (x - xhat) + h^2 M^-1 grad E where there is no damping."""
-        return self.h**2 * self.gradient(x) / self.backend.disc.mass[:, None]
+        return self.backend.divided_by_mass(self.gradient(x), self.h**2)
+
+    def eps18(self, x: Floats) -> float:
+        """The function of this name, of the residual at x [m]."""
+        residual = self.residual(x)
+        return eps18(residual, self.backend.norm(residual))
 
 
-def eps18(residual: Floats) -> float:
+def eps18(residual: Floats, norm: float | None = None) -> float:
     """Error measure of Lu et al. 2025, Eq. 18: |residual| / sqrt(N) [m], residual of shape [N, 3].
 
-    It falls with h^2 even where the motion is wrong; compare it only at one h.
+    With `norm` its norm is known already. It falls with h^2 even where the motion is wrong; compare it only at one h.
     """
-    return float(np.linalg.norm(residual) / np.sqrt(len(residual)))
+    return (float(np.linalg.norm(residual)) if norm is None else norm) / math.sqrt(len(residual))

@@ -10,6 +10,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from femgal.kernels.backend import Backend
+from femgal.kernels.deferred import Number
+
 Floats = NDArray[np.float64]
 
 # Entry of a state's memory: substeps of the next frame at the least, for reasons that are not the method's own.
@@ -19,6 +22,8 @@ LEAST_SUBSTEPS = "least_substeps"
 @dataclass(frozen=True, eq=False)
 class MotionState:
     """Everything that the next step depends on; a checkpoint holds exactly this.
+
+    Arrays of two dimensions belong to the backend, those of one to the host (`femgal.kernels.backend`).
 
     Parameters
     ----------
@@ -33,7 +38,7 @@ class MotionState:
     x: Floats
     v: Floats
     memory: dict[str, NDArray] = field(default_factory=dict)
-    corrections: tuple[float, ...] = ()
+    corrections: tuple[Number, ...] = ()
     converged: bool | None = None
 
 
@@ -74,10 +79,10 @@ class TimeStepper(Protocol):
         """Residual [m] of the last step's equation, shape [n, 3]; None where no equation is solved."""
 
 
-def place(motions: Sequence[Motion], time: float, x: Floats) -> None:
+def place(backend: Backend, motions: Sequence[Motion], time: float, x: Floats) -> None:
     """Put the constrained vertices where they have to be at a time, in place."""
     for motion in motions:
-        x[motion.vertices] = motion.positions(time)
+        backend.place(x, motion.vertices, motion.positions(time))
 
 
 def least_substeps(state: MotionState) -> int:

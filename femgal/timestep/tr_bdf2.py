@@ -48,7 +48,7 @@ class TRBDF2(ImplicitMethod):
     def past(self, state: MotionState, h: float) -> Past:
         """Of the first stage, the trapezoidal rule."""
         h_e, backend = self.effective_step(h), self.backend
-        y, w = state.x.copy(), state.v.copy()
+        y, w = backend.copy(state.x), backend.copy(state.v)
         backend.add_scaled(y, h_e, state.v)
         backend.add_scaled(w, h_e, state.memory["acceleration"])
         return Past(y, w, h_e)

@@ -5,14 +5,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femgal.kernels.backend import Backend
-from femgal.kernels.cpu.motion import accelerate_kick, kick_drift
-from femgal.kernels.cpu.threads import Workers
 from femgal.solvers.spectrum import largest_frequency_squared, random_start
 from femgal.timestep.state import Motion, MotionState, least_substeps, place
 
@@ -51,22 +49,18 @@ class VelocityVerlet:
     motions: Sequence[Motion] = ()
     safety: float = 0.9
     substeps: int | None = None
-    _workers: Workers = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        self._workers = Workers(self.backend.threads)
 
     def init(self, x0: Floats, v0: Floats) -> MotionState:
         """State at time zero; its memory holds the acceleration, the fastest mode and its frequency."""
-        x, v = x0.copy(), v0.copy()
-        place(self.motions, 0.0, x)
-        memory = {"acceleration": self._accelerate(x, v.copy(), 0.0)}
+        backend, X = self.backend, self.backend.disc.mesh.points
+        x, v = backend.to_device(x0.copy()), backend.to_device(v0.copy())
+        place(backend, self.motions, 0.0, x)
+        memory = {"acceleration": self._accelerate(x, backend.copy(v), 0.0)}
         if self.substeps is None:
-            X = self.backend.disc.mesh.points
-            omega2, mode = largest_frequency_squared(self.backend, X, random_start(len(X)))
+            omega2, mode = largest_frequency_squared(backend, backend.to_device(X), random_start(len(X)))
             now = omega2
-            if not np.array_equal(x, X):
-                now, mode = largest_frequency_squared(self.backend, x, mode)
+            if not np.array_equal(backend.to_host(x), X):
+                now, mode = largest_frequency_squared(backend, x, mode)
             memory |= {
                 "caution": np.ones(1),
                 "mode": mode,
@@ -93,7 +87,7 @@ class VelocityVerlet:
         """Estimate the stable step at the end of a frame; asks for more substeps if those taken were too long."""
         if self.substeps is not None:
             return state, None
-        if not np.isfinite(state.x).all():
+        if not self.backend.is_finite(state.x):
             return state, 2 * substeps
         omega2, mode = largest_frequency_squared(
             self.backend, state.x, state.memory["mode"], max_iterations=FOLLOW_ITERATIONS, tolerance=0.0
@@ -113,14 +107,12 @@ class VelocityVerlet:
 
     def step(self, state: MotionState, h: float) -> MotionState:
         """One kick-drift-kick step."""
-        x, v = np.empty_like(state.x), np.empty_like(state.v)
-        before = (state.x.ravel(), state.v.ravel(), state.memory["acceleration"].ravel())
         decay = 1.0 - 0.5 * h * self.damping
-        self._workers.run(kick_drift, x.size, *before, h, decay, x.ravel(), v.ravel())
-        place(self.motions, state.time + h, x)
+        x, v = self.backend.kick_drift(state.x, state.v, state.memory["acceleration"], h, decay)
+        place(self.backend, self.motions, state.time + h, x)
         a = self._accelerate(x, v, h)
         for motion in self.motions:
-            v[motion.vertices] = (x[motion.vertices] - state.x[motion.vertices]) / h
+            self.backend.place_velocities(v, motion.vertices, x, state.x, h)
         return MotionState(state.time + h, x, v, state.memory | {"acceleration": a})
 
     def residual(self, state: MotionState) -> None:
@@ -129,7 +121,6 @@ class VelocityVerlet:
 
     def _accelerate(self, x: Floats, v: Floats, h: float) -> Floats:
         """Acceleration at x [m/s^2], shape [n, 3]; the second half kick of h is added to v in place."""
-        a, disc = self.backend.gradient(x), self.backend.disc
-        growth = 1.0 / (1.0 + 0.5 * h * self.damping)
-        self._workers.run(accelerate_kick, len(a), disc.mass, disc.free, self.gravity, h, growth, a, v)
+        a = self.backend.gradient(x)
+        self.backend.accelerate_kick(a, v, self.gravity, h, 1.0 / (1.0 + 0.5 * h * self.damping))
         return a

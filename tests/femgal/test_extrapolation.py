@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from femgal.kernels.plain.backend import PlainBackend
-from femgal.solvers.extrapolation import ACCELERATIONS, TIMES, expected_offset, with_acceleration
+from femgal.solvers.extrapolation import BEFORE, LAST, TIMES, expected_offset, with_acceleration
 from femgal.timestep.potential import IncrementalPotential
 from verify.problems.bodies import distorted_box, uniform
 
@@ -42,7 +42,7 @@ def test_linear_in_time(next_):
     memory = remembered(0.0, 0.1, 0.6)
     np.testing.assert_allclose(potential.xhat + expected_offset(potential, memory), x, rtol=0, atol=1e-14)
     assert memory[TIMES].tolist() == [0.1, 0.6]
-    assert memory[ACCELERATIONS].shape == (2, *X.shape)
+    assert memory[LAST].shape == memory[BEFORE].shape == X.shape
 
 
 @pytest.mark.parametrize(("known", "next_"), [((0.5,), 0.6), ((0.5, 0.6), 1.0)])

@@ -372,7 +372,7 @@ def _corrections(backend: Backend, at: Assembled, layer: Layer) -> dict[str, Mea
         expected = -0.7 * np.linalg.solve(blocks, g[:, :, None])[:, :, 0]
         reach = terms / np.linalg.svd(blocks, compute_uv=False)[:, -1]
         found[name] = _at_nodes(dx, expected, reach)
-        found[f"slope, {name}"] = compare(slope, float((g * expected).sum()), float(terms @ reach))
+        found[f"slope, {name}"] = compare(float(slope), float((g * expected).sum()), float(terms @ reach))
     return found
 
 

@@ -136,7 +136,7 @@ class ReferenceNewton:
 
     def finished(self, potential: IncrementalPotential, state: SolverState) -> Outcome | None:
         """The reason to stop, or None to go on."""
-        if state.corrections and self._newton.ends(state.corrections[0]):
+        if state.corrections and self._newton.ends(float(state.corrections[0])):
             return Outcome.CONVERGED
         return Outcome.ITERATIONS if state.iteration >= self.iterations else None
 

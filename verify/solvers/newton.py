@@ -116,7 +116,7 @@ class Newton:
         coefficients[0] = backend.dot(state.g, solution.d)
         t = backtrack(coefficients)
         backend.add_scaled(x, t, d)
-        whole, g = backend.largest(solution.d), self._forces(potential, x)
+        whole, g = float(backend.largest(solution.d)), self._forces(potential, x)
         return NewtonState(x, state.iteration + 1, (t * whole,), g=g, start=state.start, definite=definite, whole=whole)
 
     def finished(self, potential: IncrementalPotential, state: SolverState) -> Outcome | None:

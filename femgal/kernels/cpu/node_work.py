@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.layer import Layer, finest_layer
 from femgal.kernels.backend import Passes
-from femgal.kernels.cpu import nodes
+from femgal.kernels.cpu import motion, nodes
 from femgal.kernels.cpu.threads import Workers
 
 Floats = NDArray[np.float64]
@@ -35,6 +35,26 @@ class NodeWork:
     def threads(self) -> int:
         """CPU threads that share the work."""
         return self.workers.threads
+
+    def to_device(self, values: Floats) -> Floats:
+        """The array itself."""
+        return values
+
+    def to_host(self, values: NDArray) -> NDArray:
+        """The array itself."""
+        return values
+
+    def copy(self, x: Floats) -> Floats:
+        """A copy that belongs to the caller."""
+        return x.copy()
+
+    def zeros(self, rows: int) -> Floats:
+        """Zeros of shape [rows, 3]."""
+        return np.zeros((rows, 3))
+
+    def hessian_product(self, x: Floats, d: Floats, *, definite: bool = False) -> Floats:
+        """Elastic Hessian at x, or its definite part, times d at the free vertices [N], zero at constrained ones."""
+        raise NotImplementedError
 
     def solve(self, g: Floats, H: Floats, w: float, *, scalar: bool = False) -> Floats:
         """-w H^-1 g block by block [m]; with the diagonal of each block only when `scalar`."""
@@ -84,6 +104,25 @@ class NodeWork:
         self.workers.run(nodes.predict, len(x), x, v, h, gravity, inertia, xhat)
         return xhat
 
+    def kick_drift(self, x: Floats, v: Floats, a: Floats, h: float, decay: float) -> tuple[Floats, Floats]:
+        """Positions x + h v' and velocities v' = decay v + h/2 a."""
+        x_out, v_out = np.empty_like(x), np.empty_like(v)
+        before = (x.ravel(), v.ravel(), a.ravel())
+        self.workers.run(motion.kick_drift, x.size, *before, h, decay, x_out.ravel(), v_out.ravel())
+        return x_out, v_out
+
+    def accelerate_kick(self, g: Floats, v: Floats, gravity: Floats, h: float, growth: float) -> None:
+        """In place the elastic gradient g becomes the acceleration a [m/s^2], and v becomes growth (v + h/2 a)."""
+        self.workers.run(motion.accelerate_kick, len(g), self.disc.mass, self.disc.free, gravity, h, growth, g, v)
+
+    def place(self, x: Floats, vertices: NDArray[np.int64], positions: Floats) -> None:
+        """Put vertices at positions [m] of shape [k, 3], in place."""
+        x[vertices] = positions
+
+    def place_velocities(self, v: Floats, vertices: NDArray[np.int64], x: Floats, before: Floats, h: float) -> None:
+        """Velocities (x - before) / h of the listed vertices, in place."""
+        v[vertices] = (x[vertices] - before[vertices]) / h
+
     def dot(self, a: Floats, b: Floats) -> float:
         """Sum of a * b over arrays of shape [k, 3]."""
         partial = np.empty(-(-len(a) // nodes.CHUNK))
@@ -95,6 +134,63 @@ class NodeWork:
         partial = np.empty(-(-len(dx) // nodes.CHUNK))
         self.workers.run(nodes.largest, len(partial), dx, partial, smallest_share=1)
         return float(partial.max(initial=0.0))
+
+    def norm(self, a: Floats) -> float:
+        """Square root of the sum of a * a over an array of rows."""
+        return float(np.linalg.norm(a))
+
+    def is_finite(self, x: Floats) -> bool:
+        """Whether all entries of an array of rows are finite."""
+        return bool(np.isfinite(x).all())
+
+    def looks_finite(self, x: Floats) -> bool:
+        """The same, at the cost of one sum."""
+        return bool(np.isfinite(x.sum()))
+
+    def total(self, values: Floats) -> float:
+        """Sum of a list of numbers."""
+        return float(values.sum())
+
+    def smallest(self, values: Floats) -> float:
+        """Smallest of a list of numbers, not a number where one of them is not."""
+        return float(values.min())
+
+    def kinetic_energy(self, v: Floats) -> float:
+        """sum m |v|^2 / 2 [J]."""
+        return 0.5 * float(self.disc.mass @ np.einsum("ij,ij->i", v, v))
+
+    def weight_energy(self, x: Floats, gravity: Floats) -> float:
+        """Potential energy of gravity [J], zero at the rest positions."""
+        return -float(self.disc.mass @ ((x - self.disc.mesh.points) @ gravity))
+
+    def mass_distance(self, x: Floats, y: Floats) -> float:
+        """sum m |x - y|^2 [kg m^2]."""
+        return float((self.disc.mass[:, None] * (x - y) ** 2).sum())
+
+    def divided_by_mass(self, f: Floats, scale: float = 1.0) -> Floats:
+        """scale M^-1 f, shape [n, 3]."""
+        return scale * f / self.disc.mass[:, None]
+
+    def add_inertia(self, g: Floats, x: Floats, xhat: Floats, inverse_h2: float) -> None:
+        """g += M (x - xhat) inverse_h2 [N] at the free vertices, in place."""
+        free = self.disc.free
+        g[free] += inverse_h2 * self.disc.mass[free, None] * (x - xhat)[free]
+
+    def unit_mode(self, v: Floats) -> Floats:
+        """v at the free vertices, zero at constrained ones, over its norm weighted by mass, shape [n, 3]."""
+        v = np.where(self.disc.free[:, None], v, 0.0)
+        return v / self._mass_norm(v)
+
+    def power_step(self, x: Floats, v: Floats) -> tuple[float, float, Floats]:
+        """Rayleigh quotient of v in M^-1 K at x, its residual, and M^-1 K v, all of v of unit norm."""
+        v = v / self._mass_norm(v)
+        Kv = self.hessian_product(x, v)
+        theta = float((v * Kv).sum())
+        w = Kv / self.disc.mass[:, None]
+        return theta, self._mass_norm(w - theta * v), w
+
+    def _mass_norm(self, v: Floats) -> float:
+        return float(np.sqrt((self.disc.mass[:, None] * v * v).sum()))
 
     def _pass_share(self, layer: Layer) -> float:
         """A pass over a layer in units of one over the finest."""

@@ -127,7 +127,7 @@ def build_tiles(disc: Discretisation, active: Ints, precision: Precision) -> Til
 
 def vertex_slots(tiles: Tiles, layer: Layer) -> Slots:
     """Slots of the finest layer: one for each vertex of each block; those of constrained vertices belong to nobody."""
-    return _slots(tiles.vertex_ptr, layer.parent[tiles.vertex, 0], layer.n_nodes)
+    return Slots(tiles.vertex_ptr, *slots_by_node(layer.parent[tiles.vertex, 0], layer.n_nodes))
 
 
 def build_pairs(disc: Discretisation, layer: Layer, tiles: Tiles, precision: Precision) -> tuple[Pairs, Slots]:
@@ -141,16 +141,17 @@ def build_pairs(disc: Discretisation, layer: Layer, tiles: Tiles, precision: Pre
     nodes = np.empty(layer.n_pairs, np.int32)
     stamp = np.full(layer.n_nodes, -1, np.int32)
     n_slots = _fill_rows(*arrays, tiles.element, row_ptr, stamp, node_ptr, nodes, node, u)
-    return Pairs(row_ptr, node, u), _slots(node_ptr, nodes[:n_slots], layer.n_nodes)
+    return Pairs(row_ptr, node, u), Slots(node_ptr, *slots_by_node(nodes[:n_slots], layer.n_nodes))
 
 
-def _slots(node_ptr: Longs, node: Ints, n_nodes: int) -> Slots:
+def slots_by_node(node: Ints, n_nodes: int) -> tuple[Longs, Ints]:
+    """Slots of each node in their order, `slot_ptr, slot`, from the node of each slot; -1 belongs to nobody."""
     slot_ptr = np.zeros(n_nodes + 1, np.int64)
     _count_slots(node, slot_ptr)
     np.cumsum(slot_ptr, out=slot_ptr)
     slot = np.empty(slot_ptr[-1], np.int32)
     _fill_slots(node, slot_ptr[:-1].copy(), slot)
-    return Slots(node_ptr, slot_ptr, slot)
+    return slot_ptr, slot
 
 
 @scalar

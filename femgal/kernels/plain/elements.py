@@ -6,6 +6,7 @@ Every kernel writes only the rows of its own range, so any partition over thread
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -183,7 +184,7 @@ def von_mises(F: Tensor, mu: Any) -> Any:
     s = multiply(F, (F[0], F[3], F[6], F[1], F[4], F[7], F[2], F[5], F[8]))
     a, b, c = s[0] - s[4], s[4] - s[8], s[8] - s[0]
     shear = s[1] * s[1] + s[2] * s[2] + s[5] * s[5]
-    norm = np.sqrt(like(mu, 0.5) * (a * a + b * b + c * c) + like(mu, 3) * shear)
+    norm = sqrt(like(mu, 0.5) * (a * a + b * b + c * c) + like(mu, 3) * shear)
     return abs(mu / determinant(F, cofactor(F))) * norm
 
 
