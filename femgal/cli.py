@@ -24,6 +24,7 @@ class _LazyGroup(click.Group):
         "view": "Draw a picture of a run.",
         "verify": "Check the solvers against references, row by row.",
         "bench": "Measure how fast the passes are, and error against time.",
+        "doctor": "Print what a run would use on this machine, GPUs included.",
         "study": "Repeat the studies of Lu et al. 2025, beside the paper's figures.",
     }
 

@@ -180,7 +180,8 @@ class _Point:
         return cls(meta["frame"], MotionState(meta["time"], arrays["x"], arrays["v"], memory), meta["guard"])
 
     def save(self, folder: Path, simulation: Simulation) -> None:
-        memory = {f"memory/{name}": array for name, array in self.state.memory.items()}
+        home = simulation.backend.to_host
+        memory = {f"memory/{name}": home(array) for name, array in self.state.memory.items()}
         meta = {
             "fingerprint": simulation.fingerprint,
             "series": _series_settings(simulation),
@@ -366,6 +367,6 @@ def _header(simulation: Simulation) -> dict[str, Any]:
         "hierarchy": str(simulation.hierarchy).splitlines() if simulation.hierarchy else None,
         "plan": [" | ".join(row) for row in simulation.plan.rows()],
         "threads": simulation.backend.threads,
-        "device": "cpu",
+        "device": scene.solver.device,
         "precision": simulation.backend.precision,
     }

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.choice import Choice, choose, with_solver
+from femgal.device_choice import check_device, make_backend
 from femgal.diagnostics import Energies, EnergyGuard, energies_of
 from femgal.discretisation import Discretisation, discretise
 from femgal.failure import SolverFailure
 from femgal.hierarchy.hierarchy import Hierarchy, build_constant_hierarchy, build_linear_hierarchy
 from femgal.kernels.backend import Backend, Passes
-from femgal.kernels.cpu.backend import CpuBackend
 from femgal.scene.build import World, build_world
 from femgal.scene.model import Scene, SolverSettings
 from femgal.scene.plan import Plan, make_plan, needs_hierarchy
@@ -61,7 +61,8 @@ class Frame:
     Parameters
     ----------
     index : Number of the frame.
-    state : Positions, velocities and everything else that the next frame depends on.
+    state : Positions, velocities and everything else that the next frame depends on; arrays of its memory that have
+        rows are still the backend's.
     row : The numbers of the frame, as in run.json.
     fields : The output fields that the plan names, one array per name; static ones are not repeated here.
     guard : Memory of the energy guard after this frame; a checkpoint holds it beside the state.
@@ -140,6 +141,7 @@ class Simulation:
         InputError
             The scene cannot be built; the message says where, what was found and what is allowed.
         """
+        check_device(scene.solver)
         announce("building the mesh")
         world = build_world(scene)
         _check_start(world)
@@ -164,7 +166,7 @@ class Simulation:
             hierarchy = _build_hierarchy(disc, scene.solver)
         plan = make_plan(scene, world, disc, hierarchy, scaling)
         finest = hierarchy.layers[0] if hierarchy else None
-        backend = CpuBackend(disc, scene.solver.threads, finest, scene.solver.precision)
+        backend = make_backend(scene.solver, disc, finest)
         stepper = build_stepper(scene, plan, backend, hierarchy, world.motions)
         return cls(scene, world, disc, hierarchy, plan, backend, stepper, scaling)
 
@@ -210,7 +212,7 @@ class Simulation:
     def compile(self, state: MotionState | None = None) -> None:
         """Take steps from a state, or from the start, and throw them away: no frame's time contains compilation."""
         h = 1e-3 * self.frame_duration
-        first = self.stepper.step(state or self.start(), h)
+        first = self.stepper.step(self.start() if state is None else self.on_device(state), h)
         kept = with_blocks_to_use(first.memory)
         if kept is not None:
             # Blocks are made in one step, compared in another and used in a third.
@@ -244,15 +246,20 @@ class Simulation:
             yield replace(frame, guard=self.guard.memory())
         else:
             index, state, guard = resume
-            first = index + 1
+            state, first = self.on_device(state), index + 1
             self.guard.restore(guard)
         for index in range(first, self.scene.frames + 1):
-            frame, energies = self._advance(index, state, on_substep)
-            state = frame.state
+            frame, energies, state = self._advance(index, state, on_substep)
             self.guard.accept(energies)
             yield replace(frame, guard=self.guard.memory())
 
-    def _advance(self, index: int, state: MotionState, on_substep: OnSubstep) -> tuple[Frame, Energies]:
+    def on_device(self, state: MotionState) -> MotionState:
+        """A state of the host, as of a checkpoint, as the backend has it."""
+        put = self.backend.to_device
+        memory = {name: put(array) if array.ndim == 2 else array for name, array in state.memory.items()}
+        return replace(state, x=put(state.x), v=put(state.v), memory=memory)
+
+    def _advance(self, index: int, state: MotionState, on_substep: OnSubstep) -> tuple[Frame, Energies, MotionState]:
         began, self.backend.passes = time.perf_counter(), Passes()
         self.guard.allow_for_motion(state, self.frame_duration)
         ready, substeps = self.stepper.begin_frame(state, self.frame_duration)
@@ -274,7 +281,7 @@ class Simulation:
             passes=sum(by_kind.values()),
             passes_by_kind=by_kind,
         )
-        return frame, energies
+        return frame, energies, attempt.state
 
     def _attempt(self, index: int, state: MotionState, substeps: int, on_substep: OnSubstep) -> _Attempt:
         """Take a frame with a number of substeps, and judge it."""
@@ -283,7 +290,7 @@ class Simulation:
         after, wanted = self.stepper.end_frame(after, self.frame_duration, substeps)
         # Adding h many times drifts; the frame's own time does not.
         after = replace(after, time=index * self.frame_duration)
-        if done < substeps or not np.isfinite(after.x.sum()):
+        if done < substeps or not self.backend.is_finite(after.x):
             return _Attempt(after, wanted, "positions are not finite", lost_at=done)
         if wanted is not None:
             return _Attempt(after, wanted, "the steps are too long for a stable motion")
@@ -316,7 +323,7 @@ class Simulation:
         for substep in range(1, substeps + 1):
             state = self.stepper.step(state, h)
             self._unconverged += state.converged is False
-            if not np.isfinite(state.x.sum()):
+            if not self.backend.looks_finite(state.x):
                 return state, substep
             if not on_substep(substep, substeps):
                 raise Stopped
@@ -336,26 +343,30 @@ class Simulation:
             "unconverged": 0,
             "passes": 0.0,
             "passes_by_kind": Passes().as_dict(),
-            "eps18": None if residual is None else eps18(residual),
+            "eps18": None if residual is None else eps18(residual, self.backend.norm(residual)),
             **energies.as_row(),
         }
         if isinstance(self.stepper, AccuracyControl):
             row["estimated_error"] = self.stepper.estimated_error(state)
+        home, get = (
+            replace(state, x=self.backend.to_host(state.x), v=self.backend.to_host(state.v)),
+            self.backend.to_host,
+        )
         computed: dict[str, Callable[[], NDArray]] = {
-            "displacement": lambda: state.x - self.disc.mesh.points,
-            "velocity": lambda: state.v,
-            "residual": lambda: _norms(residual, self.disc.n_vertices),
-            "von_mises": lambda: self.backend.von_mises(state.x),
-            "J": lambda: J,
-            "energy_density": lambda: energy / self.disc.V,
+            "displacement": lambda: home.x - self.disc.mesh.points,
+            "velocity": lambda: home.v,
+            "residual": lambda: _norms(None if residual is None else get(residual), self.disc.n_vertices),
+            "von_mises": lambda: get(self.backend.von_mises(state.x)),
+            "J": lambda: get(J),
+            "energy_density": lambda: get(energy) / self.disc.V,
         }
         fields = {name: computed[name]() for name in self.plan.fields if name in computed}
-        return Frame(index, state, row, fields), energies
+        return Frame(index, home, row, fields), energies
 
     def _failure(self, what: str, frame: int, substep: int | None, state: MotionState) -> SolverFailure:
         layer = None
         if self.hierarchy and state.corrections:
-            sizes = np.asarray(state.corrections)
+            sizes = np.asarray([float(size) for size in state.corrections])
             # Layers are corrected from coarse to fine: of several that are no numbers, the coarsest was the first.
             lost = np.flatnonzero(~np.isfinite(sizes))
             number = int(lost[-1] if len(lost) else np.argmax(sizes))

@@ -19,6 +19,7 @@ _OPTIONS = (
     click.option("--solver", help="auto, fas, newton-multigrid, verlet, vbd, jacobi ..., with its own defaults."),
     click.option("--substeps", type=click.IntRange(min=1), help="Time steps per frame."),
     click.option("--iterations", type=click.IntRange(min=1), help="Cycles, sweeps or Newton iterations per substep."),
+    click.option("--device", help="cpu, or cuda for a GPU; see femgal doctor."),
     click.option("--threads", type=click.IntRange(min=1), help="CPU threads; all by default."),
     click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Any key: --set bodies.0.rho=1"),
 )

@@ -86,6 +86,7 @@ class SolverSettings(Table):
         out; 0.01 often doubles the step.
     blocks : ``auto`` keeps the 3x3 diagonal blocks for several substeps while that changes less than a tenth of what
         the solver leaves undone (measured; soft bodies gain most), ``fresh`` makes them at every smoothing.
+    device : ``cpu``, or ``cuda`` for a GPU of NVIDIA (``femgal doctor`` tells whether there is one to use).
     precision : Arithmetic of the element passes, ``float64`` or ``float32``; positions, velocities and all sums stay in
         double precision. Single precision takes some two thirds of the time, and its rounding stays far below the
         error of the default steps (reports/published).
@@ -116,6 +117,7 @@ class SolverSettings(Table):
     safety: Annotated[Number, Field(gt=0, le=1)] = 0.9
     mass_scaling: Annotated[Number, Field(gt=0, le=1)] | None = None
     blocks: Literal["auto", "fresh"] = "auto"
+    device: Literal["cpu", "cuda"] = "cpu"
     precision: Literal["float32", "float64"] = "float64"
     threads: Count | None = None
 
