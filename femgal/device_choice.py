@@ -11,8 +11,8 @@ from femgal.kernels.cuda.device import require_device
 from femgal.scene.model import SolverSettings
 from meshes.errors import InputError
 
-_ON_CUDA = ("fas", "jacobi", "scalar-jacobi", "newton-multigrid", "verlet")
-_PRECONDITIONERS_ON_CUDA = ("layers", "cycle", "blocks")
+_ON_CUDA = ("fas", "newton-multigrid", "verlet", "vbd", "jacobi", "scalar-jacobi")
+_PRECONDITIONERS_ON_CUDA = ("v-cycle", "layers", "cycle", "blocks")
 
 
 def make_backend(settings: SolverSettings, disc: Discretisation, finest: Layer | None) -> Backend:

@@ -29,6 +29,7 @@ from femgal.timestep.build import build_stepper, prepare_mass
 from femgal.timestep.control import AccuracyControl
 from femgal.timestep.mass_scaling import MassScaling
 from femgal.timestep.potential import eps18
+from femgal.timestep.repeated import repeated
 from femgal.timestep.state import MotionState, TimeStepper
 from meshes.errors import InputError
 
@@ -167,7 +168,7 @@ class Simulation:
         plan = make_plan(scene, world, disc, hierarchy, scaling)
         finest = hierarchy.layers[0] if hierarchy else None
         backend = make_backend(scene.solver, disc, finest)
-        stepper = build_stepper(scene, plan, backend, hierarchy, world.motions)
+        stepper = repeated(build_stepper(scene, plan, backend, hierarchy, world.motions), backend)
         return cls(scene, world, disc, hierarchy, plan, backend, stepper, scaling)
 
     @property

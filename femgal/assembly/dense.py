@@ -67,6 +67,14 @@ class DenseSolver:
         _solve(self._columns, self._scale, r.reshape(-1), self._sums, self._x.reshape(-1))
         return self._x
 
+    def inverse(self) -> Floats:
+        """A^-1 as it has been factored, shape [3 n, 3 n]; not numbers where the matrix is not finite."""
+        from scipy.linalg.lapack import dpotri
+
+        lower = np.tril(dpotri(self._dense, lower=1)[0])
+        whole = lower + np.tril(lower, -1).T
+        return np.ascontiguousarray(self._scale[:, None] * whole * self._scale)
+
 
 @kernel
 def _fill_lower(ptr: Longs, column: Ints, values: Reals, scale: Floats, diagonal: float, out: Floats) -> None:

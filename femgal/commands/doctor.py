@@ -54,7 +54,7 @@ def _cuda() -> list[tuple[str, str]]:
     try:
         device = require_device(found)
         usable = "the simulator, one thread of Python per CUDA thread" if device is None else device.name
-        rows.append(("--device cuda", f"would use {usable}; graphs: {_graphs(found.simulated)}"))
+        rows.append(("--device cuda", f"would use {usable}; graphs: {_graphs()}"))
     except InputError as error:
         rows.append(
             (
@@ -65,12 +65,11 @@ def _cuda() -> list[tuple[str, str]]:
     return [*rows, ("--device cpu", "the default; solves every scene")]
 
 
-def _graphs(simulated: bool) -> str:
-    if simulated:
-        return "launches are repeated one by one"
+def _graphs() -> str:
     from femgal.kernels.cuda.graphs import why_no_graphs
 
-    return why_no_graphs() or "each repeated substep is one launch"
+    why = why_no_graphs()
+    return f"none, launches are repeated one by one ({why})" if why else "a repeated substep is one launch"
 
 
 def kernel_table() -> list[str]:

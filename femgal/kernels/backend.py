@@ -12,8 +12,9 @@ may be a `Deferred`, for which the host waits only when it is looked at.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ from numpy.typing import NDArray
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.deferred import Number
+
+if TYPE_CHECKING:
+    from femgal.gauss_seidel.stars import Stars
 
 Floats = NDArray[np.float64]
 
@@ -47,9 +51,43 @@ class Passes:
         """Passes of all kinds."""
         return sum(vars(self).values())
 
+    def add(self, others: Passes) -> None:
+        """Count other passes too."""
+        for kind, number in vars(others).items():
+            setattr(self, kind, getattr(self, kind) + number)
+
+    def less(self, others: Passes) -> Passes:
+        """What is left when other passes are taken off."""
+        return Passes(**{kind: number - getattr(others, kind) for kind, number in vars(self).items()})
+
     def as_dict(self) -> dict[str, float]:
         """Passes by kind."""
         return dict(vars(self))
+
+
+class CycleOnDevice(Protocol):
+    """What a device makes of a V-cycle of assembled matrices (`femgal.solvers.multigrid.VCycle`)."""
+
+    def refresh(self) -> None:
+        """Take over the matrices and smoothers that the host's cycle has now."""
+
+    def solve(self, r: Floats) -> Floats:
+        """One cycle for A x = r from zero, shape [k, 3]."""
+
+
+class Prescribed(Protocol):
+    """Prescribed motion of some vertices; the same as `femgal.timestep.state.Motion`."""
+
+    @property
+    def vertices(self) -> NDArray[np.int64]:
+        """Indices of the vertices, shape [k]."""
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the vertices never move."""
+
+    def positions(self, time: float) -> Floats:
+        """Positions [m] at a time [s], shape [k, 3]."""
 
 
 class Backend(Protocol):
@@ -162,8 +200,8 @@ class Backend(Protocol):
     def accelerate_kick(self, g: Floats, v: Floats, gravity: Floats, h: float, growth: float) -> None:
         """In place the elastic gradient g becomes the acceleration a [m/s^2], and v becomes growth (v + h/2 a)."""
 
-    def place(self, x: Floats, vertices: NDArray[np.int64], positions: Floats) -> None:
-        """Put vertices at positions of the host [m], shape [k, 3], in place."""
+    def place(self, x: Floats, motion: Prescribed, time: float) -> None:
+        """Put vertices where they have to be at a time [s], in place."""
 
     def place_velocities(self, v: Floats, vertices: NDArray[np.int64], x: Floats, before: Floats, h: float) -> None:
         """Velocities (x - before) / h of the listed vertices, in place."""
@@ -216,6 +254,33 @@ class Backend(Protocol):
         bound : |w - theta v|_M for v of unit norm [1/s^2].
         w : M^-1 K v, of v of unit norm, shape [n, 3].
         """
+
+    def descend(
+        self,
+        stars: Stars,
+        ranges: Sequence[tuple[int, int]],
+        phi: tuple[Floats, float],
+        w: float,
+        x: Floats,
+        dx: Floats,
+    ) -> None:
+        """x_i -= w H_i^-1 g_i vertex by vertex, in place (`femgal.gauss_seidel.sweep.descend`).
+
+        Parameters
+        ----------
+        stars, ranges : Of the free vertices; first star and number of stars of each colour.
+        phi : xhat [m] and the factor of the mass [1/s^2].
+        dx : Becomes what the vertex of each star has moved [m].
+        """
+
+    def take_off_fall(self, x: Floats, share: Floats, fall: Floats) -> None:
+        """x -= (1 - share) fall, in place; one share per vertex, fall [m] of the host, shape [3]."""
+
+    def share_of_gravity(self, x: Floats, xhat: Floats, gravity: Floats, inverse_h2: float) -> Floats:
+        """Which part of gravity is in the accelerations (x - xhat) inverse_h2 + gravity: one per vertex, 0 to 1."""
+
+    def cycle_on_device(self, cycle: Any) -> CycleOnDevice | None:
+        """A V-cycle of the host, refreshed, made ready on the device; None where the host itself is to make it."""
 
     def von_mises(self, x: Floats) -> Floats:
         """Von Mises norm of the Cauchy stress of each tetrahedron [Pa], shape [m]."""

@@ -36,7 +36,7 @@ LONGEST_INTERVAL = 64
 # Where blocks are made at every substep, one in so many is used to look whether that is still needed.
 PROBE_EVERY = 16
 
-_SCHEDULE, _BLOCKS = "blocks_schedule", "blocks_of_layer_"
+SCHEDULE, _BLOCKS = "blocks_schedule", "blocks_of_layer_"
 
 
 @dataclass(eq=False)
@@ -69,16 +69,16 @@ class KeptBlocks:
     @classmethod
     def remembered(cls, memory: dict[str, NDArray], fixed_steps: bool) -> KeptBlocks:
         """As the last substep left them."""
-        if _SCHEDULE not in memory:
+        if SCHEDULE not in memory:
             return cls(fixed_steps)
         blocks = {int(name.removeprefix(_BLOCKS)): H for name, H in memory.items() if name.startswith(_BLOCKS)}
-        age, interval = (int(k) for k in memory[_SCHEDULE])
+        age, interval = (int(k) for k in memory[SCHEDULE])
         return cls(fixed_steps, blocks, age, interval)
 
     def into(self, memory: dict[str, NDArray]) -> dict[str, NDArray]:
         """The memory with what the next substep needs."""
         blocks = {f"{_BLOCKS}{number}": H for number, H in self.blocks.items()}
-        return {**forget(memory), **blocks, _SCHEDULE: np.array([self.age, self.interval])}
+        return {**forget(memory), **blocks, SCHEDULE: np.array([self.age, self.interval])}
 
     @property
     def holds(self) -> bool:
@@ -134,11 +134,30 @@ class KeptBlocks:
 
 def forget(memory: dict[str, NDArray]) -> dict[str, NDArray]:
     """The memory without blocks: they belong to one length of the step."""
-    return {name: array for name, array in memory.items() if name != _SCHEDULE and not name.startswith(_BLOCKS)}
+    return {name: array for name, array in memory.items() if name != SCHEDULE and not name.startswith(_BLOCKS)}
 
 
 def with_blocks_to_use(memory: dict[str, NDArray]) -> dict[str, NDArray] | None:
     """The memory of a step that uses the blocks which are there; None where there are none."""
     if not any(name.startswith(_BLOCKS) for name in memory):
         return None
-    return memory | {_SCHEDULE: np.array([1, 2])}
+    return memory | {SCHEDULE: np.array([1, 2])}
+
+
+def phase(memory: dict[str, NDArray]) -> tuple[bool, ...]:
+    """What a substep does about its blocks: whether it makes, keeps and has some; empty where none are ever kept.
+
+    Substeps of one phase make the same passes, whatever the age of the blocks.
+    """
+    if SCHEDULE not in memory:
+        return ()
+    kept = KeptBlocks.remembered(memory, fixed_steps=True)
+    return kept.refreshes, kept.holds, bool(kept.blocks)
+
+
+def aged(memory: dict[str, NDArray]) -> dict[str, NDArray]:
+    """The schedule after a substep that has judged nothing, as an entry of the memory."""
+    if SCHEDULE not in memory:
+        return {}
+    age, interval = memory[SCHEDULE]
+    return {SCHEDULE: np.array([age + 1, interval])}

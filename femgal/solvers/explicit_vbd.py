@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from femgal.gauss_seidel.colours import colour_vertices
 from femgal.gauss_seidel.matrix_sweep import relax
+from femgal.kernels.cpu.node_work import SMALLEST_COLOUR
 from femgal.kernels.cpu.threads import Workers
 from femgal.solvers.linearised import Linearised
-from femgal.solvers.vbd import SMALLEST_SHARE, require_relaxation
+from femgal.solvers.vbd import require_relaxation
 
 Floats = NDArray[np.float64]
 
@@ -46,5 +47,5 @@ class ExplicitVBD(Linearised):
         pattern, change = self.matrix.pattern, np.empty_like(d)
         arguments = (self._row, pattern.ptr, pattern.column, pattern.diagonal, self.matrix.values, self._b, self.w)
         for first, count in self._colouring.ranges:
-            self._workers.run(relax, count, first, *arguments, d, change, smallest_share=SMALLEST_SHARE)
+            self._workers.run(relax, count, first, *arguments, d, change, smallest_share=SMALLEST_COLOUR)
         return change

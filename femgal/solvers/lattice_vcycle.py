@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from femgal.assembly.hessian import HessianAssembly
 from femgal.assembly.lattices import lattice_chain
 from femgal.assembly.matrix import BlockMatrix
-from femgal.kernels.backend import Backend, Precision
+from femgal.kernels.backend import Backend, CycleOnDevice, Precision
 from femgal.solvers.multigrid import DenseSolver, Level, VCycle
 from femgal.timestep.potential import IncrementalPotential
 
@@ -56,6 +56,7 @@ class LatticeVCycle:
     """
 
     price = 10.0
+    _on_device: CycleOnDevice | None = None
 
     def __init__(self, backend: Backend, degree: int = 2, precision: Precision = "float32") -> None:
         self._backend = backend
@@ -81,13 +82,19 @@ class LatticeVCycle:
     def refresh(self, potential: IncrementalPotential, x: Floats) -> None:
         """Matrices of all levels at x."""
         potential.backend.passes.matrix += REFRESH
-        self._assembly.assemble(x, potential.inverse_h2, out=self._A)
+        self._assembly.assemble(self._backend.to_host(x), potential.inverse_h2, out=self._A)
         self._cycle.refresh()
+        if self._on_device is None:
+            self._on_device = self._backend.cycle_on_device(self._cycle)
+        else:
+            self._on_device.refresh()
 
     def apply(self, r: Floats) -> Floats:
         """What a cycle makes of A^-1 r [m], rows of the free vertices, shape [k, 3]."""
-        # Residuals of all sizes must fit into single precision.
         self._backend.passes.matrix += CYCLE
+        if self._on_device is not None:
+            return self._on_device.solve(r)
+        # Residuals of all sizes must fit into single precision.
         size = float(np.abs(r).max(initial=0.0))
         if size == 0.0:
             return np.zeros_like(r)

@@ -67,6 +67,17 @@ class Level:
         """Estimate of lambda_max(D^-1 A)."""
         return self._lambda
 
+    @property
+    def inverse_blocks(self) -> Reals:
+        """Inverse diagonal blocks of the matrix, shape [k, 6]."""
+        return self._inverse
+
+    @property
+    def coefficients(self) -> list[tuple[float, float]]:
+        """Of the smoother's polynomial (`femgal.assembly.smoothing.chebyshev_coefficients`)."""
+        highest = SAFETY * self._lambda
+        return chebyshev_coefficients(highest / self.smoothed, highest, self.degree)
+
     def refresh(self) -> None:
         """Blocks and largest eigenvalue of the present matrix."""
         A = self.A
@@ -75,16 +86,14 @@ class Level:
 
     def solve(self, r: Reals) -> Reals:
         """What the polynomial makes of A^-1 r; an array of this level, overwritten by its next use."""
-        highest = SAFETY * self._lambda
-        (_, b), *steps = chebyshev_coefficients(highest / self.smoothed, highest, self.degree)
+        (_, b), *steps = self.coefficients
         one, _, _, _ = self._work
         self.A.workers.run(scale_blocks, self.A.n_rows, self._inverse, self._real(b), r, one)
         return self._iterate(steps, r, one)
 
     def smooth(self, r: Reals, x: Reals) -> Reals:
         """x improved; both it and the result are arrays of this level."""
-        highest = SAFETY * self._lambda
-        return self._iterate(chebyshev_coefficients(highest / self.smoothed, highest, self.degree), r, x)
+        return self._iterate(self.coefficients, r, x)
 
     def _iterate(self, steps: list[tuple[float, float]], r: Reals, x: Reals) -> Reals:
         one, other, d, _ = self._work

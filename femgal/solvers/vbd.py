@@ -35,10 +35,8 @@ from numpy.typing import NDArray
 
 from femgal.gauss_seidel.colours import colour_vertices
 from femgal.gauss_seidel.stars import build_stars
-from femgal.gauss_seidel.sweep import descend
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Backend
-from femgal.kernels.cpu.threads import Workers
 from femgal.solvers.smoother import smooth
 from femgal.solvers.solver import Budget, Outcome, SolverState
 from femgal.timestep.potential import IncrementalPotential
@@ -48,19 +46,16 @@ from meshes.errors import InputError
 Floats = NDArray[np.float64]
 Start = Literal["prediction", "adaptive"]
 
-# A vertex takes about a microsecond, handing a range to a thread twenty.
-SMALLEST_SHARE = 128
-
 _FALL = "share_of_gravity"
 
 
 @dataclass(eq=False)
 class VBD:
-    """One iteration is one sweep over all colours, in float64 on the processor whatever the backend.
+    """One iteration is one sweep over all colours, in float64 whatever the precision of the backend.
 
     Parameters
     ----------
-    backend : Of the bodies; sweeps run on as many threads and count as its passes.
+    backend : Of the bodies; sweeps count as its passes.
     budget : When to stop.
     free_parts : Layer of the parts that no constraint holds, corrected after each sweep; None when there is none.
     w : Relaxation, 0 < w < 2.
@@ -89,8 +84,7 @@ class VBD:
         disc = self.backend.disc
         self.colouring = colour_vertices(disc)
         self._stars = build_stars(disc, self.colouring.vertex)
-        self._dx = np.zeros((len(self.colouring.vertex), 3))
-        self._workers = Workers(self.backend.threads)
+        self._dx = self.backend.zeros(len(self.colouring.vertex))
 
     def prepare(self, state: MotionState, potential: IncrementalPotential) -> MotionState:
         """Nothing depends on the length of the step."""
@@ -98,9 +92,9 @@ class VBD:
 
     def init(self, potential: IncrementalPotential, memory: dict[str, NDArray]) -> SolverState:
         """The prediction, or with the adaptive start as much gravity in it as the last step left each vertex."""
-        self._memory, x = memory, potential.xhat.copy()
+        self._memory, x = memory, self.backend.copy(potential.xhat)
         if self.start == "adaptive" and _FALL in memory:
-            x -= (1.0 - memory[_FALL])[:, None] * (self.gravity / potential.inverse_h2)
+            self.backend.take_off_fall(x, memory[_FALL], self.gravity / potential.inverse_h2)
         return SolverState(x)
 
     def step(self, potential: IncrementalPotential, state: SolverState) -> SolverState:
@@ -111,9 +105,8 @@ class VBD:
 
     def sweep(self, potential: IncrementalPotential, x: Floats) -> None:
         """Move every free vertex once, in place."""
-        tail = (self.backend.disc.mass, potential.inverse_h2, potential.xhat, self.w, x, self._dx)
-        for first, count in self.colouring.ranges:
-            self._workers.run(descend, count, first, *self._stars.arrays, *tail, smallest_share=SMALLEST_SHARE)
+        phi = (potential.xhat, potential.inverse_h2)
+        self.backend.descend(self._stars, self.colouring.ranges, phi, self.w, x, self._dx)
         self.backend.passes.gradient_and_blocks += 1.0
 
     def restore_momentum(self, potential: IncrementalPotential, x: Floats) -> None:
@@ -129,9 +122,8 @@ class VBD:
         """Remember for the adaptive start which share of gravity accelerated each vertex."""
         if self.start == "adaptive" and self.gravity.any():
             # Of a step x - xhat inverse_h2 is the acceleration less gravity, whatever formula made the step.
-            along = (state.x - potential.xhat) @ self.gravity * potential.inverse_h2
-            share = np.clip(1.0 + along / float(self.gravity @ self.gravity), 0.0, 1.0)
-            state.memory = self._memory | {_FALL: share}
+            arguments = (state.x, potential.xhat, self.gravity, potential.inverse_h2)
+            state.memory = self._memory | {_FALL: self.backend.share_of_gravity(*arguments)}
         return state
 
 

@@ -82,7 +82,7 @@ class TimeStepper(Protocol):
 def place(backend: Backend, motions: Sequence[Motion], time: float, x: Floats) -> None:
     """Put the constrained vertices where they have to be at a time, in place."""
     for motion in motions:
-        backend.place(x, motion.vertices, motion.positions(time))
+        backend.place(x, motion, time)
 
 
 def least_substeps(state: MotionState) -> int:

@@ -3,16 +3,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.layer import Layer, finest_layer
-from femgal.kernels.backend import Passes
+from femgal.kernels.backend import Passes, Prescribed
 from femgal.kernels.cpu import motion, nodes
 from femgal.kernels.cpu.threads import Workers
 
+if TYPE_CHECKING:
+    from femgal.gauss_seidel.stars import Stars
+
 Floats = NDArray[np.float64]
+
+# Vertices of a colour per thread: one takes about a microsecond, handing a range to a thread twenty.
+SMALLEST_COLOUR = 128
 
 
 class NodeWork:
@@ -115,9 +124,9 @@ class NodeWork:
         """In place the elastic gradient g becomes the acceleration a [m/s^2], and v becomes growth (v + h/2 a)."""
         self.workers.run(motion.accelerate_kick, len(g), self.disc.mass, self.disc.free, gravity, h, growth, g, v)
 
-    def place(self, x: Floats, vertices: NDArray[np.int64], positions: Floats) -> None:
-        """Put vertices at positions [m] of shape [k, 3], in place."""
-        x[vertices] = positions
+    def place(self, x: Floats, motion: Prescribed, time: float) -> None:
+        """Put vertices where they have to be at a time [s], in place."""
+        x[motion.vertices] = motion.positions(time)
 
     def place_velocities(self, v: Floats, vertices: NDArray[np.int64], x: Floats, before: Floats, h: float) -> None:
         """Velocities (x - before) / h of the listed vertices, in place."""
@@ -191,6 +200,36 @@ class NodeWork:
 
     def _mass_norm(self, v: Floats) -> float:
         return float(np.sqrt((self.disc.mass[:, None] * v * v).sum()))
+
+    def descend(
+        self,
+        stars: Stars,
+        ranges: Sequence[tuple[int, int]],
+        phi: tuple[Floats, float],
+        w: float,
+        x: Floats,
+        dx: Floats,
+    ) -> None:
+        """x_i -= w H_i^-1 g_i vertex by vertex, in place; see `femgal.gauss_seidel.sweep.descend`."""
+        from femgal.gauss_seidel.sweep import descend
+
+        xhat, inverse_h2 = phi
+        tail = (self.disc.mass, inverse_h2, xhat, w, x, dx)
+        for first, count in ranges:
+            self.workers.run(descend, count, first, *stars.arrays, *tail, smallest_share=SMALLEST_COLOUR)
+
+    def take_off_fall(self, x: Floats, share: Floats, fall: Floats) -> None:
+        """x -= (1 - share) fall, in place; one share per vertex."""
+        x -= (1.0 - share)[:, None] * fall
+
+    def share_of_gravity(self, x: Floats, xhat: Floats, gravity: Floats, inverse_h2: float) -> Floats:
+        """Which part of gravity is in the accelerations (x - xhat) inverse_h2 + gravity: one per vertex, 0 to 1."""
+        along = (x - xhat) @ gravity * inverse_h2
+        return np.clip(1.0 + along / float(gravity @ gravity), 0.0, 1.0)
+
+    def cycle_on_device(self, cycle: Any) -> None:
+        """None: the host itself makes it."""
+        return
 
     def _pass_share(self, layer: Layer) -> float:
         """A pass over a layer in units of one over the finest."""

@@ -37,11 +37,13 @@ Ints = NDArray[np.int32]
 IntRows = NDArray[np.int32]
 Longs = NDArray[np.int64]
 Shorts = NDArray[np.uint16]
+Singles = NDArray[np.float32]
 
 _ARRAYS = {
     "Rows": ("float64", 2),
     "Floats": ("float64", 1),
     "Reals": ("", 1),
+    "Singles": ("float32", 2),
     "Ints": ("int32", 1),
     "IntRows": ("int32", 2),
     "Longs": ("int64", 1),

@@ -9,18 +9,24 @@ from __future__ import annotations
 
 import math
 import os
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femgal.discretisation import Discretisation
 from femgal.hierarchy.layer import Layer, finest_layer
-from femgal.kernels.backend import Passes
-from femgal.kernels.cuda import nodes
+from femgal.kernels.backend import CycleOnDevice, Passes, Prescribed
+from femgal.kernels.cuda import descent, nodes
 from femgal.kernels.cuda.memory import Pool
-from femgal.kernels.cuda.stream import THREADS, Stream
+from femgal.kernels.cuda.recording import Recording
+from femgal.kernels.cuda.stream import THREADS, Stream, Upload
 from femgal.kernels.deferred import Deferred, Number
+
+if TYPE_CHECKING:
+    from femgal.gauss_seidel.stars import Stars
 
 # A device array; to solvers it is what an array of the host is to them on the CPU.
 Floats = Any
@@ -46,6 +52,27 @@ class NodeWork:
         self._free = self.put(np.asarray(disc.free, np.int32))
         # Host arrays that do not change, by identity: gravity, lists of vertices.
         self._constants: dict[int, tuple[NDArray[Any], Any]] = {}
+        self._places: dict[int, tuple[Prescribed, Any]] = {}
+
+    def record(
+        self, step: Callable[[], tuple[Any, list[Any]]], arrays: list[Any], time: float
+    ) -> tuple[Any, Recording | None]:
+        """Take a step from a state with these arrays; with its result a recording, None where it cannot be repeated.
+
+        That is a step during which the host has looked at a number of the device, or sent it one: it may have decided
+        something.
+
+        Parameters
+        ----------
+        step : Returns its result and the arrays of the state that it led to.
+        arrays : Nobody else may hold them.
+        time : At which the step begins [s].
+        """
+        before, exchanges = replace(self.passes), self.stream.exchanges
+        (result, outputs), launches, uploads = self.stream.record(step, time)
+        if self.stream.exchanges != exchanges:
+            return result, None
+        return result, Recording(self.stream, launches, uploads, arrays, outputs, self.passes.less(before))
 
     def put(self, values: NDArray[Any]) -> Any:
         """A copy on the device, of the same type."""
@@ -100,6 +127,39 @@ class NodeWork:
         square = self._partial(nodes.mass_norm, len(x), self._mass, d)
         return inverse_h2 * np.array([self._sum(slope), 0.5 * self._sum(square)])
 
+    def descend(
+        self,
+        stars: Stars,
+        ranges: Sequence[tuple[int, int]],
+        phi: tuple[Floats, float],
+        w: float,
+        x: Floats,
+        dx: Floats,
+    ) -> None:
+        """x_i -= w H_i^-1 g_i vertex by vertex, in place; one launch per colour."""
+        (xhat, inverse_h2), arrays = phi, [self.constant(array, array.dtype) for array in stars.arrays]
+        for first, count in ranges:
+            head, tail = (first, count, *arrays), (self._mass, inverse_h2, xhat, w, x, dx)
+            self.stream.over_rows(descent.descend, count, *head, *tail)
+
+    def take_off_fall(self, x: Floats, share: Floats, fall: NDArray[np.float64]) -> None:
+        """x -= (1 - share) fall, in place; one share per vertex."""
+        self.stream.over_rows(descent.take_off_fall, len(x), share, *(float(c) for c in fall), x)
+
+    def share_of_gravity(self, x: Floats, xhat: Floats, gravity: NDArray[np.float64], inverse_h2: float) -> Floats:
+        """Which part of gravity is in the accelerations (x - xhat) inverse_h2 + gravity: one per vertex, 0 to 1."""
+        share = self.pool.take((len(x), 1))
+        arguments = (x, xhat, self.constant(gravity), inverse_h2, share)
+        self.stream.over_rows(descent.share_of_gravity, len(x), *arguments)
+        return share
+
+    def cycle_on_device(self, cycle: Any) -> CycleOnDevice:
+        """A V-cycle of the host, refreshed, made ready on the device."""
+        # It works with this class, so it is imported when there is one.
+        from femgal.kernels.cuda.vcycle import DeviceCycle
+
+        return DeviceCycle(self, cycle)
+
     def add_scaled(self, x: Floats, t: float, d: Floats) -> None:
         """x += t d in place."""
         self.stream.over_rows(nodes.add_scaled, len(x), x, t, d)
@@ -127,10 +187,15 @@ class NodeWork:
         arguments = (self._mass, self._free, self.constant(gravity), h, growth, g, v)
         self.stream.over_rows(nodes.accelerate_kick, len(g), *arguments)
 
-    def place(self, x: Floats, vertices: NDArray[np.int64], positions: NDArray[np.float64]) -> None:
-        """Put vertices at positions [m] of shape [k, 3], in place."""
-        where = self.constant(vertices, np.int32)
-        self.stream.over_rows(nodes.place_rows, len(vertices), where, self.put(positions), x)
+    def place(self, x: Floats, motion: Prescribed, time: float) -> None:
+        """Put vertices where they have to be at a time [s], in place."""
+        where, known = self.constant(motion.vertices, np.int32), self._places.get(id(motion))
+        if known is None or not motion.is_fixed:
+            target = self.pool.take((len(motion.vertices), 3))
+            self.stream.upload_later(Upload(motion, time, target))
+            # The motion is kept, so that no other one can take its identity.
+            known = self._places[id(motion)] = (motion, target)
+        self.stream.over_rows(nodes.place_rows, len(motion.vertices), where, known[1], x)
 
     def place_velocities(self, v: Floats, vertices: NDArray[np.int64], x: Floats, before: Floats, h: float) -> None:
         """Velocities (x - before) / h of the listed vertices, in place."""

@@ -29,7 +29,7 @@ from meshes.errors import InputError
 # Hopper: H100 and H200.
 CAPABILITY = (9, 0)
 
-_MODULES = ("vertex_passes", "pair_passes", "sums", "nodes")
+_MODULES = ("vertex_passes", "pair_passes", "sums", "nodes", "matrices", "descent")
 
 # An instruction on doubles that computes, rather than moves or converts.
 _DOUBLE = re.compile(r"^\s+(?:@%p\d+ )?(\w+)(?:\.\w+)*\.f64\s", re.MULTILINE)

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femgal.kernels.backend import Prescribed
 from femgal.kernels.cuda.jit import SIMULATED, cuda
 
 # Threads of a block; in the simulator, where each is a thread of Python, few.
@@ -40,24 +41,47 @@ class Launch:
         self.kernel[self.blocks, self.threads, stream, self.shared](*self.arguments)
 
 
+@dataclass(frozen=True, eq=False)
+class Upload:
+    """Positions of prescribed vertices at a time, to be sent to the device.
+
+    Parameters
+    ----------
+    motion : Gives the positions.
+    time : [s]; in a recording, after the beginning of the step.
+    target : Array of the device, shape [k, 3].
+    """
+
+    motion: Prescribed
+    time: float
+    target: Any
+
+    def run(self, stream: Stream, start: float = 0.0) -> None:
+        """Send them."""
+        stream.send(self.motion.positions(start + self.time), self.target)
+
+
 class Stream:
     """Launches kernels, copies arrays, and remembers launches while it is asked to.
 
     Attributes
     ----------
-    launches : Kernels launched so far.
+    launches : Kernels and graphs launched so far.
     waits : How often the host has waited for the device.
+    exchanges : How often a number has gone from one to the other, prescribed positions left out.
     """
 
     def __init__(self) -> None:
         self.handle = cuda.stream()
         self.launches = 0
         self.waits = 0
+        self.exchanges = 0
         self._record: list[Launch] | None = None
+        self._uploads: list[Upload] = []
 
     def over_rows(self, kernel: Any, rows: int, *arguments: Any) -> None:
         """Launch a kernel whose threads share out rows."""
-        self.over_blocks(kernel, min(MOST_BLOCKS, -(-rows // THREADS)), THREADS, 0, *arguments)
+        self.over_blocks(kernel, blocks_for(rows), THREADS, 0, *arguments)
 
     def over_blocks(self, kernel: Any, blocks: int, threads: int, shared: int, *arguments: Any) -> None:
         """Launch a kernel with a number of blocks, and nothing where there are none."""
@@ -71,13 +95,25 @@ class Stream:
 
     def upload(self, values: NDArray[Any], to: Any) -> Any:
         """Copy a host array into a device array of its shape and type, which is returned."""
+        self.exchanges += 1
+        self.send(values, to)
+        return to
+
+    def upload_later(self, upload: Upload) -> None:
+        """Send prescribed positions, now and, where a step is being recorded, whenever it is repeated."""
+        if self._record is not None:
+            self._uploads.append(upload)
+        upload.run(self)
+
+    def send(self, values: NDArray[Any], to: Any) -> None:
+        """Copy a host array into a device array."""
         if values.size:
             to.copy_to_device(np.ascontiguousarray(values), stream=self.handle)
-        return to
 
     def download(self, values: Any) -> NDArray[Any]:
         """The host's copy of a device array, after all that was launched before."""
         self.waits += 1
+        self.exchanges += 1
         host = np.empty(values.shape, values.dtype)
         if host.size:
             values.copy_to_host(host, stream=self.handle)
@@ -89,11 +125,17 @@ class Stream:
         self.waits += 1
         self.handle.synchronize()
 
-    def record(self, work: Callable[[], Any]) -> tuple[Any, list[Launch]]:
-        """Do some work; with its result, all its launches."""
+    def record(self, work: Callable[[], Any], start: float) -> tuple[Any, list[Launch], list[Upload]]:
+        """Do some work that begins at a time [s]; with its result, its launches and uploads."""
         launches: list[Launch] = []
-        self._record = launches
+        self._record, self._uploads = launches, []
         try:
-            return work(), launches
+            result = work()
         finally:
             self._record = None
+        return result, launches, [replace(one, time=one.time - start) for one in self._uploads]
+
+
+def blocks_for(rows: int) -> int:
+    """Blocks of a launch over rows."""
+    return min(MOST_BLOCKS, -(-rows // THREADS))

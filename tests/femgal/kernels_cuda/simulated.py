@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs a function of this folder in a process of its own, in Numba's CUDA simulator, and brings back what it found."""
+"""Runs a module in a process of its own, in Numba's CUDA simulator, and brings back what it found."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def needs_numba_cuda() -> None:
 
 
 def in_simulator(module: str, *arguments: str) -> dict:
-    """What `tests.femgal.kernels_cuda.<module>` prints as JSON in its last line."""
+    """What a module prints as JSON in its last line."""
     needs_numba_cuda()
     environment = {**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-m", f"tests.femgal.kernels_cuda.{module}", *arguments]
+    command = [sys.executable, "-m", module, *arguments]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT)
     assert done.returncode == 0, done.stderr[-3000:]
     return json.loads(done.stdout.splitlines()[-1])

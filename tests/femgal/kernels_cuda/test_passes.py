@@ -21,7 +21,7 @@ TOLERANCE = {"float64": 1e-12, "float32": 2e-5}
 
 @cache
 def found(precision: str, *arguments: str) -> dict:
-    return in_simulator("passes", precision, *arguments)
+    return in_simulator("verify.gpu.passes", precision, *arguments)
 
 
 def assert_equal(result: dict, precision: str) -> None:
@@ -38,7 +38,7 @@ def test_passes():
 @pytest.mark.parametrize("precision", TOLERANCE)
 @pytest.mark.parametrize("held", ["0", "0.6"])
 def test_all_passes(precision, held):
-    result = found(precision, held, "rare ones too")
+    result = found(precision, held, "rare")
     assert_equal(result, precision)
     assert "definite product" in result["differences"]
     assert result["repeats"]

@@ -5,6 +5,7 @@
    solver, transfer, cycle, step rule, time stepping and preconditioner that a GPU takes, with vertices that are held
    and moved.
 2. As many substeps and passes as on the CPU.
+3. Substeps of fixed length are repeated from a recording, and of no other solver.
 """
 
 from __future__ import annotations
@@ -26,15 +27,20 @@ SOLVERS = {
     "verlet": 'name = "verlet"',
     "newton, layers": 'name = "newton-multigrid"\nsubsteps = 1\npreconditioner = "layers"',
     "newton, cycle": 'name = "newton-multigrid"\nsubsteps = 1\npreconditioner = "cycle"\nstepping = "bdf2"',
+    "newton, v-cycle": 'name = "newton-multigrid"\nsubsteps = 1',
+    "vbd": 'name = "vbd"\nsubsteps = 3\niterations = 2',
     "newton, blocks": 'name = "newton-multigrid"\nsubsteps = 1\npreconditioner = "blocks"\nstepping = "backward-euler"',
 }
 QUICK = ("spectral",)
+
+# With fixed step lengths, or none: substeps that are recorded once and repeated.
+REPEATED = ("spectral", "given steps", "jacobi", "fixed weights", "vbd")
 TOLERANCES = {"float64": (1e-9, 1e-8), "float32": (1e-4, 1e-4)}
-PATH = "path = [{time = 0.0, translate = [0, 0, 0]}, {time = 0.05, translate = [0.01, 0, 0]}]"
+PATH = "path = {times = [0.0, 0.05], offsets = [[0, 0, 0], [0.01, 0, 0]]}"
 
 
 def run(name: str, precision: str, path: str = "") -> dict:
-    return in_simulator("scenes", f"[solver]\n{SOLVERS[name]}", precision, "2", path)
+    return in_simulator("verify.gpu.scenes", f"[solver]\n{SOLVERS[name]}", precision, "2", path)
 
 
 def assert_same(found: dict, precision: str) -> None:
@@ -49,13 +55,17 @@ def assert_same(found: dict, precision: str) -> None:
 
 @pytest.mark.parametrize("name", QUICK)
 def test_scene(name):
-    assert_same(run(name, "float64"), "float64")
+    found = run(name, "float64")
+    assert_same(found, "float64")
+    assert found["repeated"] > 0
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SOLVERS if name not in QUICK])
 def test_every_solver(name):
-    assert_same(run(name, "float64"), "float64")
+    found = run(name, "float64")
+    assert_same(found, "float64")
+    assert found["repeated"] > 0
 
 
 @pytest.mark.slow

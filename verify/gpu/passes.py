@@ -1,28 +1,39 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""In the simulator: every pass of the CUDA backend beside the plain one; prints the differences as JSON."""
+"""Every pass of the CUDA backend beside the plain one, on a GPU or in the simulator.
+
+`python -m verify.gpu.passes PRECISION HELD [rare]` prints the differences as JSON: PRECISION of the passes, HELD the
+share of the body that is held, with `rare` also the passes that the simulator is slow to compile.
+"""
 
 from __future__ import annotations
 
 import json
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from femgal.hierarchy.hierarchy import build_constant_hierarchy
 from femgal.hierarchy.layer import Layer
-from femgal.kernels.cuda.backend import CudaBackend
+from femgal.kernels.backend import Precision
 from femgal.kernels.plain.backend import PlainBackend
 from verify.problems.bodies import distorted_box, left_end, linear_layer, positions, rng, varied
 
-MESH = distorted_box((5, 4, 4))
 INVERSE_H2 = 1e4
+
+# Tetrahedra of the box: 480.
+SHAPE = (5, 4, 4)
 
 
 class Pair:
     """The two backends and what both are asked about."""
 
-    def __init__(self, precision: str, held: float) -> None:
+    def __init__(self, precision: Precision, held: float, shape: tuple[int, int, int] = SHAPE) -> None:
+        # Imported here: Numba's CUDA compiler is not there everywhere.
+        from femgal.kernels.cuda.backend import CudaBackend
+
+        MESH = distorted_box(shape)
         disc = varied(MESH, left_end(MESH, held) if held else ())
         layers = build_constant_hierarchy(disc, 8).layers
         self.layers: dict[str, Layer] = {one.name: one for one in layers} | {"made up": linear_layer(disc)}
@@ -32,12 +43,13 @@ class Pair:
         self.xhat = self.x + 0.01 * rng(4).standard_normal(MESH.points.shape)
         self.own = [self.cuda.to_device(array) for array in (self.x, self.d, self.xhat)]
 
-    def difference(self, one, two) -> float:
+    def difference(self, one: Any, two: Any) -> float:
         """Largest difference over the largest value."""
         one = one if isinstance(one, float | np.ndarray) else self.cuda.to_host(one)
         return float(np.abs(np.asarray(one) - two).max() / np.abs(two).max())
 
     def elements(self) -> Iterator[tuple[str, float]]:
+        """Passes over elements, and the inertia along a line."""
         plain, cuda, x, (own_x, own_d, own_hat) = self.plain, self.cuda, self.x, self.own
         yield "gradient", self.difference(cuda.gradient(own_x), plain.gradient(x))
         yield "product", self.difference(cuda.hessian_product(own_x, own_d), plain.hessian_product(x, self.d))
@@ -54,6 +66,7 @@ class Pair:
         yield "von Mises", self.difference(cuda.von_mises(own_x), plain.von_mises(x))
 
     def layer(self, layer: Layer) -> Iterator[tuple[str, float]]:
+        """Passes of one layer."""
         plain, cuda, d, (own_x, own_d, own_hat) = self.plain, self.cuda, self.d, self.own
         at, own = (layer, self.x, self.xhat, INVERSE_H2), (layer, own_x, own_hat, INVERSE_H2)
         yield "nodal gradient", self.difference(cuda.nodal_gradient(*own), plain.nodal_gradient(*at))
@@ -73,6 +86,7 @@ class Pair:
         yield "along", self.difference(cuda.energies_along(layer, own_x, own_t), plain.energies_along(layer, self.x, t))
 
     def vectors(self) -> Iterator[tuple[str, float]]:
+        """Work on vectors and numbers."""
         plain, cuda, x, d = self.plain, self.cuda, self.x, self.d
         own_x, own_d, own_hat = self.own
         yield "dot", self.difference(cuda.dot(own_x, own_d), plain.dot(x, d))
@@ -113,18 +127,21 @@ class Pair:
         return bool((first == second).all())
 
 
-def main(precision: str, held: str, *also: str) -> None:
-    pair = Pair(precision, float(held))
+def differences(
+    precision: Precision, held: float, *, rare: bool, shape: tuple[int, int, int] = SHAPE
+) -> dict[str, Any]:
+    """Largest difference over the largest value of every pass, and whether passes give the same bits again."""
+    pair = Pair(precision, held, shape)
     found = dict(pair.elements()) | dict(pair.vectors())
     for name, layer in pair.layers.items():
         found |= {f"{name}: {what}": size for what, size in pair.layer(layer)}
-    if also:
+    if rare:
         found |= dict(pair.rare())
     spoilt = pair.x.copy()
     spoilt[17, 1] = np.nan
     finite = [pair.cuda.is_finite(pair.cuda.to_device(array)) for array in (pair.x, spoilt)]
-    print(json.dumps({"differences": found, "finite": finite, "repeats": pair.repeats()}))
+    return {"differences": found, "finite": finite, "repeats": pair.repeats()}
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    print(json.dumps(differences(sys.argv[1], float(sys.argv[2]), rare="rare" in sys.argv)))  # type: ignore[arg-type]
