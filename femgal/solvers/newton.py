@@ -132,7 +132,7 @@ class Newton:
 
     def _upright(self, x: Floats) -> bool:
         """Whether no element is nearly turned inside out."""
-        return bool((self.backend.energies(x)[1] > UPRIGHT).all())
+        return self.backend.smallest(self.backend.energies(x)[1]) > UPRIGHT
 
     def _least(self, potential: IncrementalPotential, x: Floats, d: Floats) -> tuple[Floats, float]:
         """x + t d at the first minimum of phi, and t."""
