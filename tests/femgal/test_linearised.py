@@ -131,7 +131,7 @@ def test_a_free_body_keeps_its_momentum(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_constrained_vertices_stay_and_threads_do_not_matter(kind, monkeypatch):
-    monkeypatch.setattr(explicit_vbd, "SMALLEST_SHARE", 4)
+    monkeypatch.setattr(explicit_vbd, "SMALLEST_COLOUR", 4)
     found = []
     for threads in (1, 3):
         solver = kind(CpuBackend(DISC, threads), Budget(5), sweeps=2)

@@ -19,9 +19,9 @@ import pytest
 
 from femgal.gauss_seidel.colours import colour_vertices
 from femgal.hierarchy.layer import free_parts
+from femgal.kernels.cpu import node_work
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.kernels.plain.backend import PlainBackend
-from femgal.solvers import vbd
 from femgal.solvers.chebyshev import Chebyshev
 from femgal.solvers.solver import Budget, Outcome, minimise
 from femgal.solvers.vbd import VBD
@@ -168,7 +168,7 @@ def test_without_gravity_there_is_nothing_to_adapt():
 
 
 def test_threads_do_not_change_a_bit(monkeypatch):
-    monkeypatch.setattr(vbd, "SMALLEST_SHARE", 4)
+    monkeypatch.setattr(node_work, "SMALLEST_COLOUR", 4)
     found = [minimise(VBD(CpuBackend(DISC, n), Budget(3)), PHI, {}) for n in (1, 3)]
     np.testing.assert_array_equal(found[0].x, found[1].x)
     assert found[0].corrections == found[1].corrections

@@ -277,8 +277,8 @@ BUGS = (
     Bug(
         "spectrum without the block inverse",
         "femgal/solvers/spectrum.py",
-        "w = backend.solve(r, H, -1.0, scalar=scalar)",
-        "w = backend.solve(r, H, -1.0, scalar=True)",
+        "backend.solve(backend.to_device(r), H, -1.0, scalar=scalar)",
+        "backend.solve(backend.to_device(r), H, -1.0, scalar=True)",
         "smoothers/largest smoothers/stable-steps",
     ),
     Bug(
