@@ -18,6 +18,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from femgal.kernels.backend import Precision
 from femgal.kernels.cuda.device import find_devices, require_device
 from femgal.output.environment import describe_environment
 from verify.gpu import passes, scenes, timings
@@ -45,7 +46,8 @@ def correctness(toy: bool) -> dict[str, Any]:
     """Every pass and whole scenes against the CPU."""
     shape, frames, vertices = ((3, 2, 2), 1, 40) if toy else ((40, 20, 20), 10, 4000)
     found: dict[str, Any] = {"passes": {}, "scenes": {}}
-    for precision in ("float64",) if toy else ("float64", "float32"):
+    precisions: tuple[Precision, ...] = ("float64",) if toy else ("float64", "float32")
+    for precision in precisions:
         found["passes"][precision] = passes.differences(precision, 0.25, rare=not toy, shape=shape)
         for name, solver in list(SOLVERS.items())[: 1 if toy else None]:
             found["scenes"][f"{name}, {precision}"] = scenes.compare(solver, precision, frames, "", vertices)

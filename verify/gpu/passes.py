@@ -73,7 +73,8 @@ class Pair:
         pairs = zip(cuda.gradient_and_blocks(*own), plain.gradient_and_blocks(*at), strict=True)
         yield from ((f"terms {k}", self.difference(*pair)) for k, pair in enumerate(pairs))
         for scalar in (False, True):
-            (dx, slope), (expected, its) = (b.correction(*a, 0.7, scalar=scalar) for b, a in ((cuda, own), (plain, at)))
+            dx, slope = cuda.correction(*own, 0.7, scalar=scalar)
+            expected, its = plain.correction(*at, 0.7, scalar=scalar)
             yield f"correction {scalar}", self.difference(dx, expected)
             yield f"slope {scalar}", self.difference(float(slope), its)
         product = cuda.nodal_product(layer, own_x, own_d, INVERSE_H2), plain.nodal_product(layer, self.x, d, INVERSE_H2)
@@ -120,10 +121,10 @@ class Pair:
 
     def repeats(self) -> bool:
         """Whether a pass gives the same bits again, though memory has been used in between."""
-        layer = self.layers["made up"]
-        first = self.cuda.to_host(self.cuda.gradient_and_blocks(layer, *self.own[::2], INVERSE_H2)[1])
-        self.cuda.gradient(self.own[1])
-        second = self.cuda.to_host(self.cuda.gradient_and_blocks(layer, *self.own[::2], INVERSE_H2)[1])
+        layer, (x, d, xhat) = self.layers["made up"], self.own
+        first = self.cuda.to_host(self.cuda.gradient_and_blocks(layer, x, xhat, INVERSE_H2)[1])
+        self.cuda.gradient(d)
+        second = self.cuda.to_host(self.cuda.gradient_and_blocks(layer, x, xhat, INVERSE_H2)[1])
         return bool((first == second).all())
 
 

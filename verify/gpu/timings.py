@@ -10,6 +10,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -74,9 +75,9 @@ def passes(backend: Any, layers: tuple[Layer, ...]) -> list[dict[str, Any]]:
     xhat, d = backend.copy(x), backend.copy(x)
     for layer in layers:
         work: dict[str, tuple[int, int, Callable[[], object]]] = {
-            "terms": (9, 5, lambda layer=layer: backend.correction(layer, x, xhat, 1e4)),
-            "forces": (3, 4, lambda layer=layer: backend.nodal_gradient(layer, x, xhat, 1e4)),
-            "product": (3, 4, lambda layer=layer: backend.nodal_product(layer, x, d, 1e4)),
+            "terms": (9, 5, partial(backend.correction, layer, x, xhat, 1e4)),
+            "forces": (3, 4, partial(backend.nodal_gradient, layer, x, xhat, 1e4)),
+            "product": (3, 4, partial(backend.nodal_product, layer, x, d, 1e4)),
         }
         for name, (width, vectors, call) in work.items():
             taken, moved = seconds(backend, call), pass_bytes(backend, layer, width, vectors)
