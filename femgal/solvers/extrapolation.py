@@ -33,7 +33,9 @@ def expected_offset(potential: IncrementalPotential, memory: Memory) -> Floats |
     last = memory[LAST]
     offset = backend.zeros(len(last))
     backend.add_scaled(offset, h2, last)
-    share = 0.0 if len(times) < 2 else float((potential.time - times[1]) / (times[1] - times[0]))
+    # Two steps that end at one time are those of somebody who takes a step again.
+    apart = float(times[-1] - times[0])
+    share = float(potential.time - times[-1]) / apart if apart > 0.0 else 0.0
     if 0.0 < share <= LARGEST_SHARE:
         backend.add_scaled(offset, h2 * share, backend.difference(last, memory[BEFORE]))
     return offset
