@@ -163,7 +163,7 @@ def test_interrupt_and_resume(tmp_path, long_scene):
     arguments = ("run", long_scene, "--out", "parts")
     process = started(arguments, tmp_path, 2, tmp_path / "parts" / "run.json")
     process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=300)
     assert process.returncode == 130, stderr
     assert "femgal run --out" in stderr
     # The folder knows its scene.

@@ -244,7 +244,7 @@ def test_interrupted(tmp_path):
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stderr.readline() == "asleep\n"
     process.send_signal(signal.SIGINT)
-    stdout, stderr = process.communicate(timeout=60)
+    stdout, stderr = process.communicate(timeout=300)
     assert process.returncode == 130, stderr
     assert "Traceback" not in stderr
     assert "not run: 2 rows (interrupted)" in stdout
@@ -270,7 +270,7 @@ def test_terminal():
             break
         shown += part
     os.close(ours)
-    assert process.wait(timeout=60) == 0
+    assert process.wait(timeout=300) == 0
     text = shown.decode()
     assert "\x1b[32mPASS\x1b[0m  material/von-mises[shear]" in text
     assert "1 of 2  material/von-mises[shear]" in text

@@ -68,7 +68,7 @@ def cluster(folder: Path, workers: int, *preload: str):
             start("distributed.cli.dask_worker", *words, *preload)
         with distributed.Client(scheduler_file=str(file), timeout=60, set_as_default=False) as client:
             if workers:
-                client.wait_for_workers(workers, timeout=60)
+                client.wait_for_workers(workers, timeout=300)
             address = client.scheduler.address
         yield address, processes[1:]
     finally:
