@@ -22,7 +22,7 @@ import pytest
 from femgal.hierarchy.hierarchy import build_constant_hierarchy, build_linear_hierarchy
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.solvers import pcg
-from femgal.solvers.extrapolation import ACCELERATIONS, TIMES
+from femgal.solvers.extrapolation import LAST, TIMES
 from femgal.solvers.layer_cycle import LayerCycle
 from femgal.solvers.newton import Newton, NewtonState, nonlinearity
 from femgal.solvers.preconditioner import LayerBlocks
@@ -231,6 +231,6 @@ def test_accelerations_are_not_followed_through_elements(monkeypatch, size, foll
     monkeypatch.setattr("femgal.solvers.newton.first_minimum", lambda coefficients: next(searches))
     offset = np.where(DISC.free[:, None], size * (X - X[left_end(MESH)].mean(axis=0)), 0.0)
     phi = IncrementalPotential(BACKEND, X.copy(), H, x_n=X, time=2.0 * H)
-    memory = {TIMES: np.array([H]), ACCELERATIONS: offset[None] / H**2}
+    memory = {TIMES: np.array([H]), LAST: offset / H**2}
     start = Newton(BACKEND, LayerBlocks(CONSTANT)).init(phi, memory).x
     np.testing.assert_allclose(start, X + offset if followed else X, rtol=0, atol=1e-12)
