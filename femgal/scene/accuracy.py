@@ -41,6 +41,9 @@ def check_accuracy(settings: SolverSettings) -> None:
         allowed = ", ".join(f'"{name}"' for name in CONTROLLED)
         advice = "leave out the name, or the accuracy"
         raise _refusal("accuracy", "not for this solver", f'name = "{settings.name}"', allowed, advice)
+    if settings.name == "newton-multigrid" and settings.stepping != "tr-bdf2":
+        why = "the error of these steps is not known"
+        raise _refusal("stepping", why, f'"{settings.stepping}"', '"tr-bdf2" with accuracy')
     if settings.substeps is not None and settings.name != "newton-multigrid":
         raise _refusal("substeps", "the accuracy chooses them", str(settings.substeps), "none with accuracy")
     if settings.mass_scaling is not None:

@@ -153,10 +153,7 @@ def _controlled(scene: Scene, stages: list[Stage]) -> list[Stage]:
     accuracy = scene.solver.accuracy
     note = "no accuracy asked for" if accuracy is None else f"below {100.0 * accuracy:g}% of the motion, by substeps"
     control = Stage("error control", "frame", accuracy is not None, note)
-    if accuracy is None or scene.solver.name == "verlet":
-        return [*stages, control]
-    half = 0.5 * sum(stage.passes for stage in stages if stage.when == "substep" and stage.runs)
-    return [*stages, Stage("companion", "substep", True, "half the substeps, for the error", passes=half), control]
+    return [*stages, control]
 
 
 def _check_fields(scene: Scene, hierarchy: Hierarchy | None, explicit: bool) -> None:

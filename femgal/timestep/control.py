@@ -7,9 +7,15 @@ it, the relative error so far is
     R_k = sqrt(sum over frames 1 ... k of |e|^2) / sqrt(sum over the same frames of |x - x_0|^2),
 
 norms weighted by mass; of bodies that nothing holds the motion of the centre of mass is taken out of the second sum.
-At the last frame this is the error that was promised to stay below the accuracy. Of n frames, frame k may have spent
-the share AT_ONCE + (1 - AT_ONCE) k / n of it: what is lost at once, as when a pin stops a body suddenly, and phase
-errors, which grow with time. A frame that has spent more is taken again; the next one's substeps aim lower.
+At the last frame this is the error that was promised to stay below the accuracy. What is lost stays lost, so the
+substeps of the next frame follow from what R will be at the end. With S_j substeps in frame j and G_k = sum of S_j^-2,
+phase errors of a body that swings grow like G, and what is lost at once, as when a pin stops it suddenly, does not grow
+any more. The error is led on halfway between,
+
+    |e_j|^2 = |e_k|^2 G_j / G_k,    j > k,
+
+and the motion with its present size. Errors that were taken to stay left nothing for the last frames: those of a stiff
+bunny took 8, 20, 77 and 312 substeps. A frame that has spent too much of what all the others need is taken again.
 """
 
 from __future__ import annotations
@@ -26,18 +32,31 @@ from femgal.timestep.state import LEAST_SUBSTEPS, MotionState, TimeStepper
 
 Floats = NDArray[np.float64]
 
-# Share of the promise that the first frame may spend, and share of what a frame may spend that its steps aim at.
-AT_ONCE = 0.5
-AIM = 0.7
+# Share of the promise that the substeps aim at.
+AIM = 0.85
 
-# From frame to frame, and from attempt to attempt, substeps change by these factors at most. Halving keeps BDF2 stable.
+# Where the promise is spent already, the rest of the motion may still add this share to |e|^2: no number of substeps
+# takes away what has been lost, and very short steps would only cost.
+LEAST_GROWTH = 0.05
+
+# From frame to frame, and from attempt to attempt, substeps change by these factors at most.
 LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0
 LARGEST_RETAKE = 4.0
 
 # Substeps within these factors of the present ones are not worth a change: equal steps are the most accurate.
-KEPT = (0.75, 1.1)
+KEPT = (0.6, 1.15)
 
-# A frame is taken again for its error at most so often, and only while that takes a tenth off.
+# How far ahead R is led on: no more frames than these, or so many times those that have been seen; and by this share
+# beyond the end, or nothing would keep the last steps short.
+LEAST_HORIZON, HORIZON, BEYOND = 20, 4, 0.1
+
+# What is left from frame to frame of the largest |e|^2 over G; single frames may be small by chance.
+FADING = 0.9
+
+# A frame is taken again when it should have had so many times its substeps and has spent so much of G; at most so
+# often, and only while that takes a tenth off its error.
+TOO_FEW, LARGE_SHARE = 1.5, 0.3
+RETAKE_ORDER = 1.5
 MOST_RETAKES = 5
 LEAST_GAIN = 0.9
 
@@ -52,13 +71,9 @@ class ErrorEstimator(Protocol):
 
     Attributes
     ----------
-    order : The estimate falls like h^order, cautiously.
-    multiple : Substeps of a frame come in multiples of this.
     fewest : With fewer substeps in a frame it knows too little.
     """
 
-    order: float
-    multiple: int
     fewest: int
 
     def init(self, state: MotionState) -> dict[str, NDArray]:
@@ -114,19 +129,16 @@ class AccuracyControl:
         """State at time zero."""
         state = self.stepper.init(x0, v0)
         own = {"start": state.x.copy(), "sums": np.zeros(2), "frame": np.zeros(1, np.int64)}
-        own |= {"substeps": np.array([self.substeps])}
+        own |= {"substeps": np.array([self.substeps]), "G": np.zeros(1), "growth": np.zeros(1)}
         return _with(state, own | self.estimator.init(state))
 
     def begin_frame(self, state: MotionState, duration: float, substeps: int | None = None) -> tuple[MotionState, int]:
         """The substeps that the last frame's error asks for, or more where stability does."""
-        multiple = self.estimator.multiple
         if substeps is None:
             self._attempts, self._asked = [], int(state.memory[PREFIX + "substeps"][0])
-        least = multiple * math.ceil(max(self._asked, self.estimator.fewest) / multiple)
+        least = max(self._asked, self.estimator.fewest)
         state = replace(state, memory=state.memory | {LEAST_SUBSTEPS: np.array([least])})
         state, substeps = self.stepper.begin_frame(state, duration, substeps)
-        if substeps % multiple:
-            state, substeps = self.stepper.begin_frame(state, duration, substeps + multiple - substeps % multiple)
         self.estimator.begin_frame(state, substeps)
         return state, substeps
 
@@ -143,30 +155,51 @@ class AccuracyControl:
         if wanted is not None or not np.isfinite(state.x).all():
             return state, wanted
         memory, error = self.estimator.end_frame(own, state, duration, substeps)
-        sums = own["sums"] + (error**2, self._moved(state.x - own["start"]) ** 2)
-        frame = int(own["frame"][0]) + 1
-        spent = _relative(sums) / self._allowed(frame)
-        if self._retake_helps(spent, substeps):
-            factor = min(LARGEST_RETAKE, max(1.5, (spent / AIM) ** (1.0 / self.estimator.order)))
-            self._asked = math.ceil(factor * substeps)
+        now = np.array([error**2, self._moved(state.x - own["start"]) ** 2])
+        sums, G_before, frame = own["sums"] + now, float(own["G"][0]), int(own["frame"][0]) + 1
+        G, left = G_before + substeps**-2.0, self._left(frame)
+        # |e|^2 over G, and the sum of |x - x_0|^2 at the end.
+        growth = max(float(now[0]) / G, FADING * float(own["growth"][0]))
+        moved = float(sums[1] + left * max(now[1], sums[1] / frame))
+        factor = self._needed(float(own["sums"][0]), moved, growth, G_before, left + 1) / substeps
+        if factor > TOO_FEW and substeps**-2.0 > LARGE_SHARE * G and self._retake_helps(error, substeps):
+            # By the formula above |e_1| falls like 1 / S; what a frame takes back falls faster.
+            self._asked = math.ceil(min(LARGEST_RETAKE, factor ** (1.0 / RETAKE_ORDER)) * substeps)
             return state, self._asked
-        after = self._next(_relative(sums) / self._allowed(frame + 1), substeps)
+        after = self._next(self._needed(float(sums[0]), moved, growth, G, left) / substeps, substeps)
         memory |= {"start": own["start"], "sums": sums, "frame": np.array([frame]), "substeps": np.array([after])}
-        return _with(state, memory), None
+        return _with(state, memory | {"G": np.array([G]), "growth": np.array([growth])}), None
 
-    def _allowed(self, frame: int) -> float:
-        return self.accuracy * (AT_ONCE + (1.0 - AT_ONCE) * min(1.0, frame / self.frames))
+    def _left(self, frame: int) -> int:
+        """Frames after one that are looked ahead."""
+        return min(math.ceil((1.0 + BEYOND) * self.frames) - frame, max(LEAST_HORIZON, HORIZON * frame))
 
-    def _retake_helps(self, spent: float, substeps: int) -> bool:
-        before, self._attempts = self._attempts, [*self._attempts, spent]
-        if not spent > 1.0 or len(before) >= MOST_RETAKES or substeps >= MOST_SUBSTEPS:
+    def _needed(self, spent: float, moved: float, growth: float, G: float, frames: int) -> float:
+        """Substeps of each of the frames that are left, for R at the end to be what is aimed at.
+
+        Parameters
+        ----------
+        spent : Sum of |e|^2 so far [kg m^2].
+        moved : Sum of |x - x_0|^2 at the end [kg m^2].
+        growth : |e_j|^2 / G_j [kg m^2].
+        G : Sum of S^-2 so far.
+        frames : That are left.
+        """
+        for_sure = spent + frames * growth * G
+        free = max((AIM * self.accuracy) ** 2 * moved - for_sure, LEAST_GROWTH * for_sure)
+        # sum of |e_j|^2 - for_sure = growth S^-2 (1 + 2 + ... + frames)
+        extra = 0.5 * growth * frames * (frames + 1)
+        return math.sqrt(extra / free) if free > 0.0 else (math.inf if extra > 0.0 else 0.0)
+
+    def _retake_helps(self, error: float, substeps: int) -> bool:
+        before, self._attempts = self._attempts, [*self._attempts, error]
+        if len(before) >= MOST_RETAKES or substeps >= MOST_SUBSTEPS:
             return False
-        return not before or spent < LEAST_GAIN * before[-1]
+        return not before or error < LEAST_GAIN * before[-1]
 
-    def _next(self, spent: float, substeps: int) -> int:
-        """Substeps of the next frame, after one with these substeps and this share of the next one's allowance."""
-        factor = (spent / AIM) ** (1.0 / self.estimator.order) if math.isfinite(spent) else LARGEST_FACTOR
-        if KEPT[0] <= factor <= KEPT[1]:
+    def _next(self, factor: float, substeps: int) -> int:
+        """Substeps of the next frame, after one that should have had some factor of its own."""
+        if KEPT[0] <= factor <= KEPT[1] or math.isnan(factor):
             return substeps
         return min(MOST_SUBSTEPS, math.ceil(substeps * min(LARGEST_FACTOR, max(LEAST_FACTOR, factor))))
 

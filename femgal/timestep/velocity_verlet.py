@@ -21,6 +21,9 @@ Floats = NDArray[np.float64]
 # four are within 5 % where a body hangs and sways and as good as six where it is torn to twenty times its length.
 FOLLOW_ITERATIONS = 4
 
+# Relative change of a frequency omega over (omega h)^2: modes run ahead.
+FREQUENCY_SHIFT = 1.0 / 24.0
+
 # Share of the extra substeps, learnt from a frame taken again, that is left one frame later. With 0.95 a fifth fewer
 # passes were made on bodies that snap back, and the energy drifted ten times as far.
 CAUTION_KEPT = 0.99

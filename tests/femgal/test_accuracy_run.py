@@ -2,7 +2,7 @@
 """Runs with an accuracy.
 
 1. A run that was stopped and resumed ends bit for bit like one that was not, with each of the controlled solvers,
-   given by name or chosen; its companion and its sums are in the checkpoint.
+   given by name or chosen; the sums of its control are in the checkpoint.
 2. The log says what was asked for, what was chosen, and each frame's estimated error; the command says them at the end.
 3. An accuracy that is not kept is said not to be.
 """

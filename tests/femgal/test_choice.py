@@ -5,7 +5,9 @@
 2. A stiff body that is moved slowly is given to Newton's method; the reason names both costs.
 3. The choice is the same every time, and the simulation of a chosen solver is that of the solver named.
 4. A pilot that costs too much is given up for Verlet.
-5. A mesh or material that would need more substeps than any run can make is refused, with the number.
+5. What a pilot's frames let expect: as much again for errors that stay and are right, less for errors that have room,
+   more for those that grow.
+6. A mesh or material that would need more substeps than any run can make is refused, with the number.
 """
 
 from __future__ import annotations
@@ -13,9 +15,10 @@ from __future__ import annotations
 import pytest
 
 from femgal import choice
-from femgal.choice import choose, with_solver
+from femgal.choice import choose, expected_cost, with_solver
 from femgal.scene.load import load_scene
 from femgal.simulation import Simulation
+from femgal.timestep.control import AIM
 from meshes.errors import InputError
 
 SLOW = {"constraints.1.path": {"times": [0.0, 10.0], "offsets": [[0, 0, 0], [1.5, 0, 0]]}}
@@ -53,6 +56,19 @@ def test_a_pilot_may_be_given_up(monkeypatch):
     monkeypatch.setattr(choice, "MOST_PILOT_SHARE", 1e-3)
     found = Simulation.prepare(beams(frames=40, **SLOW)).choice
     assert (found.solver, found.newton_cost) == ("verlet", None)
+
+
+def test_what_a_pilot_expects():
+    def expected(R, S=8):
+        rows = [dict(substeps=S, estimated_error=r, passes=100.0, retakes=0) for r in R]
+        return expected_cost(rows, 40, 0.01) / (choice.UNSEEN * choice.COST_OF_NEWTON_PASS)
+
+    steady = [AIM * 0.01] * 5
+    assert expected(steady) == pytest.approx(100.0)
+    assert expected([r / 4.0 for r in steady]) == pytest.approx(100.0 * 0.25 ** (choice.COST_POWER / 1.5))
+    assert expected([1e-3 * k for k in range(1, 6)]) > expected([5e-3] * 5)
+    assert expected([1e-9] * 5, S=1) == pytest.approx(100.0)
+    assert expected([0.0] * 5) == pytest.approx(100.0)
 
 
 def test_too_many_substeps(monkeypatch):

@@ -6,8 +6,8 @@
 2. It is the root mean square over frames of the error over that of the motion; of free bodies the centre of mass is
    taken out of the motion.
 3. A frame is not taken again for ever: an error that no number of substeps makes smaller is accepted, and reported.
-4. Substeps come in the estimator's multiples, never fewer than the method asks for, and from frame to frame they at
-   most double or halve.
+4. There are never fewer substeps than the method or the estimator asks for, and from frame to frame they at most double
+   or halve.
 5. All that the next frame depends on is in the state: a control made anew goes on identically.
 6. A method that asks for the frame again gets it, without the estimator being asked.
 """
@@ -59,8 +59,6 @@ class Known:
     at_once: float = 0.0
     growth: float = 0.0
     floor: float = 0.0
-    order: float = 2.0
-    multiple: int = 1
     fewest: int = 1
     calls: list[int] = field(default_factory=list)
 
@@ -109,7 +107,8 @@ def test_the_promise_is_kept(estimator, accuracy):
     method = control(estimator, accuracy)
     frames = run(method)
     final = method.estimated_error(frames[-1][1])
-    assert 0.02 * accuracy < final <= accuracy
+    # What was lost at once is a hundredth of the motion by its end, and the first frame does not know that.
+    assert 0.005 * accuracy < final <= accuracy
     assert all(b <= 2 * a and b >= a // 2 for (a, _), (b, _) in pairwise(frames))
     # An error that comes at once, to a motion that grows, lets the steps grow; one that goes on does not.
     assert estimator.growth or frames[-1][0] == 1
@@ -135,10 +134,9 @@ def test_what_no_substeps_cure_is_accepted_and_reported():
     assert method.estimated_error(frames[-1][1]) > 1.0
 
 
-def test_multiples_and_the_methods_own_number():
-    assert [substeps for substeps, _ in run(control(Known(multiple=2), stepper=Drifting(own=5)), 3)] == [6, 6, 6]
-    many = run(control(Known(growth=5.0, multiple=4), stepper=Drifting(own=3)))
-    assert all(substeps % 4 == 0 for substeps, _ in many)
+def test_the_method_and_the_estimator_may_ask_for_more():
+    assert [substeps for substeps, _ in run(control(Known(fewest=4), stepper=Drifting(own=5)), 3)] == [5, 5, 5]
+    assert [substeps for substeps, _ in run(control(Known(fewest=6), stepper=Drifting(own=5)), 3)] == [6, 6, 6]
 
 
 def test_everything_is_in_the_state():
