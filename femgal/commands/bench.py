@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 
@@ -14,6 +14,9 @@ from femgal.commands.bench_grid import grid
 if TYPE_CHECKING:
     from verify.benchmark.kernel_report import KernelReport
     from verify.benchmark.kernel_tables import TextTable
+    from verify.benchmark.preconditioners import Result
+
+_Number = TypeVar("_Number", int, float)
 
 
 class _ScenesOrKernels(click.Group):
@@ -78,6 +81,50 @@ def kernels(
     _show(report, json_path, out)
 
 
+@command.command()
+@click.argument("scene")
+@click.option("--vertices", metavar="N,N", default="2000,20000", show_default=True, help="Sizes of the mesh.")
+@click.option("--E", "youngs", metavar="E,E", default="1e3,1e4,1e6,1e8", show_default=True, help="Young's moduli [Pa].")
+@click.option("--rho", "densities", metavar="RHO,RHO", default="1,1000", show_default=True, help="Densities [kg/m^3].")
+@click.option("--preconditioners", "names", metavar="P,P", help="Some of blocks, layers, cycle, mas, v-cycle.")
+@click.option("--reduction", type=float, default=1e-2, show_default=True, help="Of the residual.")
+@click.option("--threads", type=click.IntRange(min=1), default=1, show_default=True, help="CPU threads.")
+@click.option("--json", "json_path", metavar="PATH", help="Write the record to PATH; - prints it and nothing else.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
+def preconditioners(
+    scene: str,
+    vertices: str,
+    youngs: str,
+    densities: str,
+    names: str | None,
+    reduction: float,
+    threads: int,
+    json_path: str | None,
+    force: bool,
+) -> None:
+    """Count the iterations that Newton's linear systems take with each preconditioner, and time them."""
+    out = target_file(json_path, force)
+    from verify.benchmark.preconditioners import PRECONDITIONERS, Settings, bench_preconditioners, tables
+
+    settings = Settings(
+        scene,
+        _numbers(vertices, "--vertices"),
+        _decimals(youngs, "--E"),
+        _decimals(densities, "--rho"),
+        PRECONDITIONERS if names is None else tuple(part.strip() for part in names.split(",")),
+        reduction,
+        threads,
+    )
+
+    def announce(result: Result) -> None:
+        system = f"{result.vertices} E={result.E:g} rho={result.rho:g} {result.state}"
+        click.echo(f"{system}: {result.preconditioner} {result.smooth}, {result.rough} iterations", err=True)
+
+    record = bench_preconditioners(settings, announce)
+    notes = ["smooth, rough: iterations with the body's weight and with forces at random; times of the smooth ones."]
+    _deliver(record, tables(record), notes, json_path, out)
+
+
 def target_file(json_path: str | None, force: bool) -> Path | None:
     """The file to write, checked before anything is measured; None for none."""
     if json_path in (None, "-"):
@@ -94,12 +141,20 @@ def _default_threads() -> tuple[int, ...]:
 
 
 def _numbers(text: str, option: str) -> tuple[int, ...]:
+    return tuple(_parts(text, option, int, "whole numbers"))
+
+
+def _decimals(text: str, option: str) -> tuple[float, ...]:
+    return tuple(_parts(text, option, float, "numbers"))
+
+
+def _parts(text: str, option: str, kind: Callable[[str], _Number], what: str) -> list[_Number]:
     from meshes.errors import InputError
 
     try:
-        return tuple(int(part) for part in text.split(","))
+        return [kind(part) for part in text.split(",")]
     except ValueError:
-        allowed = "whole numbers separated by commas"
+        allowed = f"{what} separated by commas"
         raise InputError("not a list of numbers", where=option, found=repr(text), allowed=allowed) from None
 
 
