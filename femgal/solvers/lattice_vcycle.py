@@ -7,8 +7,8 @@ one by a Chebyshev polynomial in D^-1 A, D the diagonal blocks; the coarsest is 
 polynomial on both sides makes the cycle symmetric, and positive definite for as long as the polynomial's interval holds
 the largest eigenvalue.
 
-Everything is single precision: it is bandwidth that a cycle costs. The rounding of A is random from block to block, so
-it averages out over the soft modes that the cycle is there for.
+Everything but the sums of A is single precision: it is bandwidth that a cycle costs. Sums that are rounded once are
+random from block to block, so they average out over the soft modes that the cycle is there for.
 
 Why the finest level is assembled too: the coarse matrices need it anyway, and a product with 14 blocks of float32 per
 row takes less than half of the time of a matrix-free product in float32. Degree 1 takes half of the time of degree 2

@@ -24,6 +24,9 @@ from verify.work_precision.store import write_result
 # prctl(2): the signal that this process gets when the one that started it dies.
 _PR_SET_PDEATHSIG = 1
 
+# CPU time [s] for what comes before the frames, beyond the time limit: the first run of a solver compiles its kernels.
+PREPARING = 300.0
+
 
 def main(request_file: Path, out: Path) -> None:
     """Carry out a request; what the user can cause is a result too."""
@@ -33,7 +36,7 @@ def main(request_file: Path, out: Path) -> None:
     arrays = None
     try:
         scene = parse_scene(request.scene, request.label)
-        _end_at(request.time_limit, scene.solver.threads)
+        _end_at(request.time_limit, scene.solver.threads, PREPARING)
         if request.kind == "survey":
             from verify.work_precision.survey import survey
 
@@ -45,7 +48,7 @@ def main(request_file: Path, out: Path) -> None:
         else:
             from verify.work_precision.run_motion import run_motion
 
-            found, arrays = run_motion(scene, request)
+            found, arrays = run_motion(scene, request, lambda: _end_at(request.time_limit, scene.solver.threads))
             numbers |= found
     except InputError as error:
         numbers |= {"failure": str(error), "failure_kind": "input"}
@@ -58,14 +61,14 @@ def _die_with_the_parent() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def _end_at(time_limit: float | None, threads: int | None) -> None:
-    """Have the system end this process when it has had as much CPU time as the time limit gives its threads.
+def _end_at(time_limit: float | None, threads: int | None, more: float = 0.0) -> None:
+    """Have the system end this process when it has had as much CPU time from now as the limit gives its threads.
 
     CPU time, because a machine that others share may give a process a tenth of the clock's.
     """
     if time_limit is not None:
         signal.signal(END, signal.SIG_DFL)
-        signal.setitimer(signal.ITIMER_PROF, time_limit * (threads or os.cpu_count() or 1))
+        signal.setitimer(signal.ITIMER_PROF, more + time_limit * (threads or os.cpu_count() or 1))
 
 
 def _peak_mb() -> float:

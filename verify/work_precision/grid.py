@@ -42,7 +42,7 @@ set = { damping = 0.0 }       # any other key of the scenes
 periods = 5                   # length of the motion, in periods of the lowest mode that the scene excites
 # frames = 20                 # or its length in frames of the scene
 threads = 1
-time_limit = 600              # seconds of CPU time per thread, after which a run counts as failed
+time_limit = 600              # seconds of CPU time per thread of a run's frames, after which it counts as failed
 repeats = 5                   # runs of the finalists
 targets = [0.1, 0.01, 0.001]  # errors that the tables ask the time to
 
@@ -117,7 +117,7 @@ class Grid(Table):
     periods : Length of the motion in periods of the lowest mode that the scene excites, but no longer than the scene.
     frames : Length of the motion in frames of the scene, in place of `periods`.
     threads : CPU threads of every run.
-    time_limit : Longest CPU time per thread of one run [s]; none for references.
+    time_limit : Longest CPU time per thread of the frames of one run [s]; none for references.
     repeats : Runs of each finalist.
     targets : Errors that the tables ask the time to.
     reference_safety : Share of the stable step that the reference takes.

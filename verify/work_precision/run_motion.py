@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -41,8 +41,15 @@ class _Stages:
         self._doing, self._since = text, now
 
 
-def run_motion(scene: Scene, request: Request) -> tuple[dict[str, Any], Arrays]:
+def run_motion(
+    scene: Scene, request: Request, on_ready: Callable[[], None] = lambda: None
+) -> tuple[dict[str, Any], Arrays]:
     """Numbers and arrays of a scene's motion.
+
+    Parameters
+    ----------
+    scene, request : What to solve, and how.
+    on_ready : Called when all is built and compiled, before the first frame.
 
     Returns
     -------
@@ -64,6 +71,7 @@ def run_motion(scene: Scene, request: Request) -> tuple[dict[str, Any], Arrays]:
     if counted is not None:
         counted.forget()
     motion = _Motion(simulation, counted)
+    on_ready()
     motion.go()
     return motion.numbers() | {"stages": stages.seconds, "gaps": _gaps(counted)}, motion.arrays()
 
