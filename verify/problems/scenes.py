@@ -51,14 +51,16 @@ def simulation(scene: Scene, use: Use, threads: int | None = None) -> Simulation
     Raises
     ------
     Skip
-        The mesh is not on this machine, or the device has no simulation.
+        The mesh is not on this machine, or the device cannot be used, or not for this scene.
     """
-    if use.device != "cpu":
-        raise Skip(unavailable(use.device) or f"no simulation on {use.device}")
-    settings = scene.solver.model_copy(update={"threads": threads or use.threads})
+    if reason := unavailable(use.device):
+        raise Skip(reason)
+    settings = scene.solver.model_copy(update={"threads": threads or use.threads, "device": use.device})
     try:
         return Simulation.prepare(scene.model_copy(update={"solver": settings}))
     except InputError as error:
+        if use.device != "cpu" and (error.where or "").startswith("solver."):
+            raise Skip(f"{error.where} = {error.found} is {error.what}") from error
         if any(body.mesh == "bunny" for body in scene.bodies):
             raise Skip(f"bunny.ply is not in a folder of FEMGAL_MESH_PATH ({error.what})") from error
         raise

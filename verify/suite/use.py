@@ -10,6 +10,7 @@ import numpy as np
 from femgal.discretisation import Discretisation
 from femgal.kernels.backend import Backend, Precision
 from femgal.kernels.cpu.backend import CpuBackend
+from meshes.errors import InputError
 from verify.suite.case import Skip
 
 DEVICES = ("cpu", "cuda")
@@ -39,9 +40,13 @@ class Use:
         Skip
             The device cannot be used here.
         """
-        if self.device != "cpu":
-            raise Skip(unavailable(self.device) or f"no element passes for {self.device}")
-        return CpuBackend(disc, self.threads, precision=precision)
+        if self.device == "cpu":
+            return CpuBackend(disc, self.threads, precision=precision)
+        if reason := unavailable(self.device):
+            raise Skip(reason)
+        from femgal.kernels.cuda.backend import CudaBackend
+
+        return CudaBackend(disc, self.threads, precision=precision)
 
     def rng(self, salt: int = 0) -> np.random.Generator:
         """A random generator of its own for each use."""
@@ -50,4 +55,12 @@ class Use:
 
 def unavailable(device: str) -> str | None:
     """Why a device cannot be used; None when it can."""
-    return None if device == "cpu" else "this version of femgal has no CUDA backend"
+    if device == "cpu":
+        return None
+    from femgal.kernels.cuda.device import require_device
+
+    try:
+        require_device()
+    except InputError as error:
+        return f"{error.what} ({error.found})"
+    return None
