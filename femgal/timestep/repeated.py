@@ -91,7 +91,8 @@ class RepeatedSteps:
 
     def end_frame(self, state: MotionState, duration: float, substeps: int) -> tuple[MotionState, int | None]:
         """As the method does, with a state that no later step overwrites."""
-        return self.stepper.end_frame(self._own(state), duration, substeps)
+        # Where nothing is repeated nothing is overwritten, and a solver may know the very array again.
+        return self.stepper.end_frame(self._own(state) if self._known else state, duration, substeps)
 
     def residual(self, state: MotionState) -> Floats | None:
         """As the method does."""
