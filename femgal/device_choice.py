@@ -3,22 +3,32 @@
 
 from __future__ import annotations
 
+from femgal.device_memory import device_bytes
 from femgal.discretisation import Discretisation
-from femgal.hierarchy.layer import Layer
+from femgal.hierarchy.hierarchy import Hierarchy
 from femgal.kernels.backend import Backend
 from femgal.kernels.cpu.backend import CpuBackend
 from femgal.kernels.cuda.device import require_device
 from femgal.scene.model import SolverSettings
 from meshes.errors import InputError
 
-_ON_CUDA = ("fas", "newton-multigrid", "verlet", "vbd", "jacobi", "scalar-jacobi")
+_ON_CUDA = ("fas", "newton-multigrid", "verlet", "auto", "vbd", "jacobi", "scalar-jacobi")
 _PRECONDITIONERS_ON_CUDA = ("v-cycle", "layers", "cycle", "blocks")
 
 
-def make_backend(settings: SolverSettings, disc: Discretisation, finest: Layer | None) -> Backend:
-    """The backend for `solver.device`, which has been checked."""
+def make_backend(settings: SolverSettings, disc: Discretisation, hierarchy: Hierarchy | None) -> Backend:
+    """The backend for `solver.device`, which has been checked.
+
+    Raises
+    ------
+    InputError
+        The GPU has less memory free than the scene will need; nothing has been allocated there.
+    """
+    layers = hierarchy.layers if hierarchy else ()
+    finest = layers[0] if layers else None
     if settings.device == "cpu":
         return CpuBackend(disc, settings.threads, finest, settings.precision)
+    require_device(nbytes=device_bytes(settings, disc, layers))
     # Imported here: only who asks for a GPU needs Numba's CUDA compiler.
     from femgal.kernels.cuda.backend import CudaBackend
 
@@ -50,8 +60,6 @@ def check_supported(settings: SolverSettings) -> None:
         raise _refusal("solver.name", settings.name, _ON_CUDA)
     if settings.name == "newton-multigrid" and settings.preconditioner not in _PRECONDITIONERS_ON_CUDA:
         raise _refusal("solver.preconditioner", settings.preconditioner, _PRECONDITIONERS_ON_CUDA)
-    if settings.accuracy is not None:
-        raise _refusal("solver.accuracy", f"{settings.accuracy:g}", ("substeps given instead",))
 
 
 def _refusal(where: str, found: str, allowed: tuple[str, ...]) -> InputError:

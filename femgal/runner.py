@@ -260,6 +260,8 @@ class _Run:
         self._result = RunResult("finished", simulation, out=recorder.folder if recorder else None)
         self._stop, self._signals = False, signals
         self._last: Frame | None = None
+        # A frame that is still to be written.
+        self._pending: Frame | None = None
 
     def go(self, point: _Point | None) -> RunResult:
         """Solve all frames, and end well whatever happens."""
@@ -289,6 +291,16 @@ class _Run:
         return self._result
 
     def _keep(self, frame: Frame) -> None:
+        """Write a frame, or leave that for when the device is at work on the next one."""
+        self._pending = frame
+        if not self._simulation.backend.runs_ahead:
+            self._write()
+
+    def _write(self) -> None:
+        """Write the frame that is pending, if there is one; what fails to be written is not tried again."""
+        frame, self._pending = self._pending, None
+        if frame is None:
+            return
         if self._recorder:
             self._recorder.record(frame)
         else:
@@ -301,20 +313,23 @@ class _Run:
     def _end(self, status: Status, failure: BaseException | None = None) -> None:
         self._result.status = status
         self._result.failure = failure if isinstance(failure, SolverFailure | OSError) else None
-        if not self._recorder:
-            return
         try:
             try:
-                if self._last is not None:
+                self._write()
+                if self._recorder and self._last is not None:
                     self._recorder.checkpoint(self._last)
             finally:
                 # Closed properly, a series is cheap to resume; and the log must not go on saying "running".
-                self._recorder.finish(status, failure)
+                if self._recorder:
+                    self._recorder.finish(status, failure)
         except OSError as error:
             # The disk is full or gone; what was flushed before stays, and the first cause is the one to report.
             self._result.status, self._result.failure = "failed", self._result.failure or error
 
     def _on_substep(self, substep: int, substeps: int) -> bool:
+        if substep == substeps:
+            # All of this frame has been handed to the device.
+            self._write()
         self._progress.substep(substep, substeps)
         return not self._stop
 

@@ -29,7 +29,6 @@ from femgal.timestep.build import build_stepper, prepare_mass
 from femgal.timestep.control import AccuracyControl
 from femgal.timestep.mass_scaling import MassScaling
 from femgal.timestep.potential import eps18
-from femgal.timestep.repeated import repeated
 from femgal.timestep.state import MotionState, TimeStepper
 from meshes.errors import InputError
 
@@ -62,18 +61,29 @@ class Frame:
     Parameters
     ----------
     index : Number of the frame.
-    state : Positions, velocities and everything else that the next frame depends on; arrays of its memory that have
-        rows are still the backend's.
     row : The numbers of the frame, as in run.json.
-    fields : The output fields that the plan names, one array per name; static ones are not repeated here.
+    fetch_state, fetch_fields : Wait for what is on its way from the device, and return it.
     guard : Memory of the energy guard after this frame; a checkpoint holds it beside the state.
     """
 
     index: int
-    state: MotionState
     row: dict[str, Any]
-    fields: dict[str, NDArray]
+    fetch_state: Callable[[], MotionState]
+    fetch_fields: Callable[[], dict[str, NDArray]]
     guard: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def state(self) -> MotionState:
+        """Positions, velocities and everything else that the next frame depends on.
+
+        Arrays of its memory that have rows are still the backend's.
+        """
+        return self.fetch_state()
+
+    @cached_property
+    def fields(self) -> dict[str, NDArray]:
+        """The output fields that the plan names, one array per name; static ones are not repeated here."""
+        return self.fetch_fields()
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,16 +157,24 @@ class Simulation:
         world = build_world(scene)
         _check_start(world)
         if scene.solver.name != "auto":
-            return cls._assemble(scene, world, announce)
+            return cls.assemble(scene, world, announce)
         announce("choosing a solver")
-        choice = choose(scene, lambda candidate: cls._assemble(candidate, world))
-        simulation = cls._assemble(with_solver(scene, choice.solver, choice.substeps), world, announce)
+        device = scene.solver.device
+        choice = choose(scene, lambda candidate: cls.assemble(_on(device, candidate), world))
+        chosen = _on(device, with_solver(scene, choice.solver, choice.substeps))
+        simulation = cls.assemble(chosen, world, announce)
         simulation.choice = choice
         return simulation
 
     @classmethod
-    def _assemble(cls, scene: Scene, world: World, announce: Announce = lambda text: None) -> Simulation:
-        """A simulation of bodies that have been built."""
+    def assemble(cls, scene: Scene, world: World, announce: Announce = lambda text: None) -> Simulation:
+        """A simulation of bodies that have been built; the scene names its solver.
+
+        Raises
+        ------
+        InputError
+            The bodies cannot be solved with these settings, or do not fit into the device's memory.
+        """
         constrained = np.concatenate([np.empty(0, np.int64), *(motion.vertices for motion in world.motions)])
         disc = discretise(world.mesh, world.E, world.nu, world.rho, constrained)
         disc, scaling, warnings = prepare_mass(scene.solver, disc)
@@ -166,9 +184,8 @@ class Simulation:
             announce("building the hierarchy")
             hierarchy = _build_hierarchy(disc, scene.solver)
         plan = make_plan(scene, world, disc, hierarchy, scaling)
-        finest = hierarchy.layers[0] if hierarchy else None
-        backend = make_backend(scene.solver, disc, finest)
-        stepper = repeated(build_stepper(scene, plan, backend, hierarchy, world.motions), backend)
+        backend = make_backend(scene.solver, disc, hierarchy)
+        stepper = build_stepper(scene, plan, backend, hierarchy, world.motions)
         return cls(scene, world, disc, hierarchy, plan, backend, stepper, scaling)
 
     @property
@@ -349,20 +366,27 @@ class Simulation:
         }
         if isinstance(self.stepper, AccuracyControl):
             row["estimated_error"] = self.stepper.estimated_error(state)
-        home, get = (
-            replace(state, x=self.backend.to_host(state.x), v=self.backend.to_host(state.v)),
-            self.backend.to_host,
-        )
-        computed: dict[str, Callable[[], NDArray]] = {
-            "displacement": lambda: home.x - self.disc.mesh.points,
-            "velocity": lambda: home.v,
-            "residual": lambda: _norms(None if residual is None else get(residual), self.disc.n_vertices),
-            "von_mises": lambda: get(self.backend.von_mises(state.x)),
-            "J": lambda: get(J),
-            "energy_density": lambda: get(energy) / self.disc.V,
+        fetch, n = self.backend.fetch, self.disc.n_vertices
+        x, v = fetch(state.x), fetch(state.v)
+        begun: dict[str, Callable[[], Callable[[], NDArray]]] = {
+            "displacement": lambda: x,
+            "velocity": lambda: v,
+            "residual": lambda: fetch(np.zeros((n, 3)) if residual is None else residual),
+            "von_mises": lambda: fetch(self.backend.von_mises(state.x)),
+            "J": lambda: fetch(J),
+            "energy_density": lambda: fetch(energy),
         }
-        fields = {name: computed[name]() for name in self.plan.fields if name in computed}
-        return Frame(index, home, row, fields), energies
+        finished: dict[str, Callable[[NDArray], NDArray]] = {
+            "displacement": lambda x: x - self.disc.mesh.points,
+            "residual": lambda r: np.linalg.norm(r, axis=1),
+            "energy_density": lambda energy: energy / self.disc.V,
+        }
+        arriving = {name: begun[name]() for name in self.plan.fields if name in begun}
+
+        def fields() -> dict[str, NDArray]:
+            return {name: finished.get(name, lambda a: a)(values()) for name, values in arriving.items()}
+
+        return Frame(index, row, lambda: replace(state, x=x(), v=v()), fields), energies
 
     def _failure(self, what: str, frame: int, substep: int | None, state: MotionState) -> SolverFailure:
         layer = None
@@ -387,6 +411,11 @@ class Simulation:
         return advice if settings.chebyshev is None else f"{advice}, or leave solver.chebyshev out"
 
 
+def _on(device: str, scene: Scene) -> Scene:
+    """The scene on a device."""
+    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"device": device})})
+
+
 def _build_hierarchy(disc: Discretisation, settings: SolverSettings) -> Hierarchy:
     if settings.transfer == "linear":
         return build_linear_hierarchy(disc, settings.layers)
@@ -407,7 +436,3 @@ def _check_start(world: World) -> None:
                 allowed=f"up to {LARGEST:.0e} {unit}",
                 advice="check size, translate, velocity and initial of the bodies, and the paths",
             )
-
-
-def _norms(residual: Floats | None, n: int) -> Floats:
-    return np.zeros(n) if residual is None else np.linalg.norm(residual, axis=1)

@@ -12,7 +12,7 @@ may be a `Deferred`, for which the host waits only when it is looked at.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -114,11 +114,21 @@ class Backend(Protocol):
     def threads(self) -> int:
         """CPU threads that share the work."""
 
+    @property
+    def runs_ahead(self) -> bool:
+        """Whether work that has been asked for is done while the host goes on."""
+
     def to_device(self, values: Floats) -> Floats:
         """The backend's array with the values of a host array, in float64; a host backend's may share its memory."""
 
     def to_host(self, values: Floats) -> NDArray:
         """The host's array with the values of one of the backend's; may share its memory."""
+
+    def fetch(self, values: Floats) -> Callable[[], NDArray]:
+        """What `to_host` gives, as a call that waits for it: the copy is made while the device goes on."""
+
+    def rows(self, x: Floats, vertices: NDArray[np.int64]) -> Floats:
+        """The rows of an array at a list of vertices that never changes, shape [k, 3]."""
 
     def copy(self, x: Floats) -> Floats:
         """A copy that belongs to the caller."""

@@ -23,6 +23,7 @@ from femgal.timestep.control import AccuracyControl, ErrorEstimator
 from femgal.timestep.frequency_shift import FrequencyShift
 from femgal.timestep.implicit import ImplicitMethod
 from femgal.timestep.mass_scaling import MassScaling, scale_mass
+from femgal.timestep.repeated import repeated
 from femgal.timestep.stable_step import element_stiffness, vertex_stiffness
 from femgal.timestep.state import Motion, TimeStepper
 from femgal.timestep.tr_bdf2 import TRBDF2
@@ -44,30 +45,30 @@ def build_stepper(
     motions = motions if plan.runs("fixed vertices") or plan.runs("moving vertices") else ()
     if settings.name == "verlet":
         verlet = VelocityVerlet(backend, gravity, damping, motions, settings.safety, settings.substeps)
-        shift = FrequencyShift(backend.disc, velocity_verlet.FREQUENCY_SHIFT, fewest=FEWEST_OF_VERLET)
-        return _controlled(scene, verlet, shift)
+        shift = FrequencyShift(backend, velocity_verlet.FREQUENCY_SHIFT, fewest=FEWEST_OF_VERLET)
+        return _controlled(scene, verlet, backend, shift)
     substeps = plan.substeps
     assert substeps is not None
 
     solver = build_solver(scene, plan, backend, hierarchy)
     method = _STEPPINGS[settings.stepping]
     if settings.accuracy is None:
-        return method(backend, solver, substeps, gravity, damping, motions)
+        return repeated(method(backend, solver, substeps, gravity, damping, motions), backend)
     euler = 0.5 * tr_bdf2.GAMMA
-    shift = FrequencyShift(backend.disc, tr_bdf2.FREQUENCY_SHIFT, fewest=1, euler_share=euler)
+    shift = FrequencyShift(backend, tr_bdf2.FREQUENCY_SHIFT, fewest=1, euler_share=euler)
     controlled = method(backend, solver, 1, gravity, damping, motions)
-    return _controlled(scene, controlled, shift, max(substeps, FEWEST_AT_FIRST))
+    return _controlled(scene, controlled, backend, shift, max(substeps, FEWEST_AT_FIRST))
 
 
 def _controlled(
-    scene: Scene, stepper: VelocityVerlet | ImplicitMethod, estimator: ErrorEstimator, substeps: int = 1
+    scene: Scene, method: TimeStepper, backend: Backend, estimator: ErrorEstimator, substeps: int = 1
 ) -> TimeStepper:
     """The method, with its error under control where the scene gives an accuracy."""
-    disc, accuracy = stepper.backend.disc, scene.solver.accuracy
+    accuracy, stepper = scene.solver.accuracy, repeated(method, backend)
     if accuracy is None:
         return stepper
-    free = free_parts(disc) is not None
-    return AccuracyControl(stepper, estimator, accuracy, scene.frames, disc.mass, free, substeps)
+    free = free_parts(backend.disc) is not None
+    return AccuracyControl(stepper, estimator, accuracy, scene.frames, backend, free, substeps)
 
 
 def prepare_mass(

@@ -28,6 +28,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from femgal.kernels.backend import Backend
 from femgal.timestep.state import LEAST_SUBSTEPS, MotionState, TimeStepper
 
 Floats = NDArray[np.float64]
@@ -108,7 +109,7 @@ class AccuracyControl:
     estimator : Of its error.
     accuracy : Relative error asked for.
     frames : Number of frames that share it.
-    mass : Vertex masses [kg], shape [n].
+    backend : Of the states.
     free : Whether there are bodies that nothing holds.
     substeps : To begin with.
     """
@@ -117,7 +118,7 @@ class AccuracyControl:
     estimator: ErrorEstimator
     accuracy: float
     frames: int
-    mass: Floats
+    backend: Backend
     free: bool = False
     substeps: int = 1
     # The frame's errors in its attempts so far; it begins anew with every frame.
@@ -128,7 +129,7 @@ class AccuracyControl:
     def init(self, x0: Floats, v0: Floats) -> MotionState:
         """State at time zero."""
         state = self.stepper.init(x0, v0)
-        own = {"start": state.x.copy(), "sums": np.zeros(2), "frame": np.zeros(1, np.int64)}
+        own = {"start": self.backend.copy(state.x), "sums": np.zeros(2), "frame": np.zeros(1, np.int64)}
         own |= {"substeps": np.array([self.substeps]), "G": np.zeros(1), "growth": np.zeros(1)}
         return _with(state, own | self.estimator.init(state))
 
@@ -144,7 +145,8 @@ class AccuracyControl:
 
     def step(self, state: MotionState, h: float) -> MotionState:
         """A step of the method."""
-        after = self.stepper.step(state, h)
+        # The method's steps depend on nothing of the control's: on a device they are then the same from frame to frame.
+        after = self.stepper.step(_without(state), h)
         self.estimator.observe(after)
         return _with(after, _own(state))
 
@@ -152,10 +154,11 @@ class AccuracyControl:
         """Take the frame again with more substeps while its error is too large and they help."""
         own = _own(state)
         state, wanted = self.stepper.end_frame(state, duration, substeps)
-        if wanted is not None or not np.isfinite(state.x).all():
+        if wanted is not None or not self.backend.is_finite(state.x):
             return state, wanted
         memory, error = self.estimator.end_frame(own, state, duration, substeps)
-        now = np.array([error**2, self._moved(state.x - own["start"]) ** 2])
+        u = self.backend.to_host(self.backend.difference(state.x, own["start"]))
+        now = np.array([error**2, self._moved(u) ** 2])
         sums, G_before, frame = own["sums"] + now, float(own["G"][0]), int(own["frame"][0]) + 1
         G, left = G_before + substeps**-2.0, self._left(frame)
         # |e|^2 over G, and the sum of |x - x_0|^2 at the end.
@@ -205,9 +208,10 @@ class AccuracyControl:
 
     def _moved(self, u: Floats) -> float:
         """Size of a motion [sqrt(kg) m]."""
+        mass = self.backend.disc.mass
         if self.free:
-            u = u - self.mass @ u / self.mass.sum()
-        return mass_norm(self.mass, u)
+            u = u - mass @ u / mass.sum()
+        return mass_norm(mass, u)
 
     def residual(self, state: MotionState) -> Floats | None:
         """That of the method."""
@@ -234,6 +238,11 @@ def _relative(sums: Floats) -> float:
 def _own(state: MotionState) -> dict[str, NDArray]:
     """The control's part of the memory."""
     return {name.removeprefix(PREFIX): array for name, array in state.memory.items() if name.startswith(PREFIX)}
+
+
+def _without(state: MotionState) -> MotionState:
+    kept = {name: array for name, array in state.memory.items() if not name.startswith(PREFIX)}
+    return replace(state, memory=kept)
 
 
 def _with(state: MotionState, own: Mapping[str, NDArray]) -> MotionState:

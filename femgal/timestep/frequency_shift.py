@@ -26,13 +26,13 @@ error for 1.3 to 9 times what it was, and where both motions were wrong alike fo
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femgal.discretisation import Discretisation
+from femgal.kernels.backend import Backend
 from femgal.timestep.state import MotionState
 
 Floats = NDArray[np.float64]
@@ -50,29 +50,30 @@ class FrequencyShift:
 
     Parameters
     ----------
-    disc : The discretised bodies.
+    backend : Has the accelerations.
     shift : c, the relative change of a frequency omega over (omega h)^2.
     fewest : See `ErrorEstimator`.
     euler_share : h_e over the first step h, of a method that begins with implicit Euler; else zero.
     """
 
-    disc: Discretisation
+    backend: Backend
     shift: float
     fewest: int
     euler_share: float = 0.0
     _sample: NDArray[np.int64] = field(init=False, repr=False)
     _weights: Floats = field(init=False, repr=False)
-    _seen: list[Floats] = field(default_factory=list, init=False, repr=False)
+    _seen: list[Callable[[], Floats]] = field(default_factory=list, init=False, repr=False)
     _skip: int = field(default=0, init=False, repr=False)
     _started: bool = field(default=True, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        free = np.flatnonzero(self.disc.free)
+        disc = self.backend.disc
+        free = np.flatnonzero(disc.free)
         if len(free) > MOST_VERTICES:
             free = np.sort(np.random.default_rng(SEED).choice(free, MOST_VERTICES, replace=False))
-        self._sample, mass = free, self.disc.mass
+        self._sample, mass = free, disc.mass
         # As heavy as all free vertices together.
-        self._weights = mass[free] * (mass[self.disc.free].sum() / max(mass[free].sum(), np.finfo(float).tiny))
+        self._weights = mass[free] * (mass[disc.free].sum() / max(mass[free].sum(), np.finfo(float).tiny))
 
     def init(self, state: MotionState) -> dict[str, NDArray]:
         """No time has passed, nothing is lost."""
@@ -82,14 +83,18 @@ class FrequencyShift:
         """Forget the frame before."""
         self._skip = max(0, substeps - MOST_STEPS)
         self._started = "acceleration" in state.memory
-        self._seen = [state.memory["acceleration"][self._sample]] if self._started else []
+        self._seen = [self._look(state)] if self._started else []
 
     def observe(self, state: MotionState) -> None:
         """Keep the accelerations of the last steps of the frame."""
         if self._skip > 0:
             self._skip -= 1
             self._seen = []
-        self._seen.append(state.memory["acceleration"][self._sample])
+        self._seen.append(self._look(state))
+
+    def _look(self, state: MotionState) -> Callable[[], Floats]:
+        """The accelerations of the sample; nobody waits for them before the frame's end."""
+        return self.backend.fetch(self.backend.rows(state.memory["acceleration"], self._sample))
 
     def end_frame(
         self, memory: Mapping[str, NDArray], state: MotionState, duration: float, substeps: int
@@ -97,7 +102,7 @@ class FrequencyShift:
         """The integral of h^2 [s^3] with what the start lost [sqrt(kg) m], and the estimate [sqrt(kg) m]."""
         h = duration / substeps
         h2_time, lost = memory["h2_time"] + h * h * duration, memory["lost"]
-        a = np.stack(self._seen)
+        a = np.stack([look() for look in self._seen])
         if not self._started:
             lost = np.array([0.5 * (self.euler_share * h) ** 2 * self._size(a[:1])])
         after = {"h2_time": h2_time, "lost": lost}

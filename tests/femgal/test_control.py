@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,6 +27,24 @@ from femgal.timestep.state import MotionState, least_substeps
 
 MASS = np.array([1.0, 3.0])
 V = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])
+
+
+class Host:
+    """What a control asks of a backend."""
+
+    disc = SimpleNamespace(mass=MASS)
+
+    def copy(self, x):
+        return x.copy()
+
+    def to_host(self, x):
+        return x
+
+    def difference(self, x, y):
+        return x - y
+
+    def is_finite(self, x):
+        return bool(np.isfinite(x).all())
 
 
 @dataclass
@@ -79,7 +98,7 @@ class Known:
 
 
 def control(estimator, accuracy=0.01, frames=20, stepper=None, **options):
-    return AccuracyControl(stepper or Drifting(), estimator, accuracy, frames, MASS, **options)
+    return AccuracyControl(stepper or Drifting(), estimator, accuracy, frames, Host(), **options)
 
 
 def run(method, frames=20, state=None):

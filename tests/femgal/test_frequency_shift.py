@@ -17,6 +17,7 @@ import math
 import numpy as np
 import pytest
 
+from femgal.kernels.plain.backend import PlainBackend
 from femgal.scene.load import load_scene
 from femgal.simulation import Simulation
 from femgal.timestep import tr_bdf2, velocity_verlet
@@ -31,11 +32,11 @@ DISC = uniform(MESH, left_end(MESH))
 
 
 def of_verlet():
-    return FrequencyShift(DISC, velocity_verlet.FREQUENCY_SHIFT, fewest=8)
+    return FrequencyShift(PlainBackend(DISC, 1), velocity_verlet.FREQUENCY_SHIFT, fewest=8)
 
 
 def of_tr_bdf2():
-    return FrequencyShift(DISC, tr_bdf2.FREQUENCY_SHIFT, fewest=1, euler_share=0.3)
+    return FrequencyShift(PlainBackend(DISC, 1), tr_bdf2.FREQUENCY_SHIFT, fewest=1, euler_share=0.3)
 
 
 def phase_of_tr_bdf2(y):

@@ -13,6 +13,8 @@
 8. A checkpoint of another scene, a series of other output settings, and a second run in the same folder are refused,
    and the folder stays as it was.
 9. A finished run can be made longer.
+10. Where the device works on while the host writes, a frame is written after the last substep of the next one has been
+    asked for, and the files are the same; so they are when the run is stopped, or fails, in between.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ import numpy as np
 import pytest
 
 from femgal import read_run
+from femgal.kernels.cpu.node_work import NodeWork
 from femgal.output import vtkhdf
 from femgal.runner import Progress, run
 from femgal.scene.load import load_scene
@@ -151,6 +154,61 @@ def test_interrupted_and_resumed_is_bitwise_the_same(tmp_path, options):
     keys = ("frame", "time", "passes", "eps18", "total_energy", "min_J", "substeps")
     rows = [[{k: row[k] for k in keys} for row in log_of(tmp_path / f)["frames"]] for f in ("whole", "parts")]
     assert rows[0] == rows[1]
+
+
+@pytest.fixture
+def runs_ahead(monkeypatch):
+    monkeypatch.setattr(NodeWork, "runs_ahead", property(lambda self: True))
+
+
+class Told(Progress):
+    """What was told, in its order; stops in the frame after a given one."""
+
+    def __init__(self, target=None):
+        self.events, self.target = [], target
+
+    def frame(self, row):
+        self.events.append(row["frame"])
+
+    def substep(self, substep, substeps):
+        self.events.append("last substep" if substep == substeps else "substep")
+        if substep < substeps and self.events.count("last substep") == self.target:
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_frames_are_written_while_the_next_ones_run(tmp_path, runs_ahead):
+    told = Told()
+    run(hanging_beam(frames=3), tmp_path / "late", progress=told)
+    assert [event for event in told.events if event != "substep"] == [
+        *(0, "last substep", 1, "last substep", 2, "last substep", 3)
+    ]
+    late = read_run(tmp_path / "late")
+    plain = run(hanging_beam(frames=3))
+    for frame in range(4):
+        np.testing.assert_allclose(late.displacement(frame), plain.displacements[frame], atol=1e-7)
+    np.testing.assert_array_equal(run(hanging_beam(frames=3)).displacements, plain.displacements)
+
+
+@pytest.mark.parametrize("out", [True, False])
+def test_what_is_still_to_be_written_is_written_when_a_run_is_stopped(tmp_path, runs_ahead, out):
+    folder = tmp_path / "out" if out else None
+    result = run(hanging_beam(), folder, progress=Told(1), signals=True)
+    assert result.status == "interrupted"
+    assert [row["frame"] for row in result.rows] == [0, 1]
+    if folder is None:
+        assert len(result.displacements) == 2
+    else:
+        again = run(hanging_beam(), folder, resume=True)
+        assert again.status == "finished"
+        np.testing.assert_array_equal(again.state.x, run(hanging_beam()).state.x)
+
+
+def test_what_is_still_to_be_written_is_written_when_a_run_fails(tmp_path, runs_ahead):
+    lines = "substeps = 2\nsteps = [1.9, 1.9]\niterations = 8"
+    result = run(hanging_beam(solver="jacobi", solver_lines=lines, frames=30), tmp_path / "out")
+    assert result.status == "failed"
+    assert [row["frame"] for row in log_of(tmp_path / "out")["frames"]] == list(range(len(result.rows)))
+    assert len(read_run(tmp_path / "out").times) == len(result.rows)
 
 
 def test_without_signals_an_interrupt_passes_through(tmp_path):

@@ -90,6 +90,9 @@ class Pair:
         """Work on vectors and numbers."""
         plain, cuda, x, d = self.plain, self.cuda, self.x, self.d
         own_x, own_d, own_hat = self.own
+        some = np.arange(0, len(x), 7)
+        yield "rows", self.difference(cuda.rows(own_x, some), plain.rows(x, some))
+        yield "fetch", self.difference(cuda.fetch(own_d)(), d)
         yield "dot", self.difference(cuda.dot(own_x, own_d), plain.dot(x, d))
         yield "largest", self.difference(float(cuda.largest(own_d)), plain.largest(d))
         yield "kinetic energy", self.difference(cuda.kinetic_energy(own_d), plain.kinetic_energy(d))

@@ -13,8 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from femgal.device_memory import array_bytes
 from femgal.runner import run
 from femgal.scene.load import parse_scene
+from femgal.simulation import Simulation
+from femgal.timestep.control import AccuracyControl
 
 BEAM = """
 frames = {frames}
@@ -53,6 +56,8 @@ def compare(solver: str, precision: str, frames: int, path: str = "", vertices: 
     energies = [abs(a[k] - b[k]) for a, b in zip(cpu.rows, cuda.rows, strict=True) for k in a if k.endswith("energy")]
     backend: Any = cuda.simulation.backend
     stepper: Any = cuda.simulation.stepper
+    if isinstance(stepper, AccuracyControl):
+        stepper = stepper.stepper
     return {
         "status": [cpu.status, cuda.status],
         "moved": moved,
@@ -60,10 +65,18 @@ def compare(solver: str, precision: str, frames: int, path: str = "", vertices: 
         "energies": max(energies) / scale,
         "substeps": [[row["substeps"] for row in result.rows] for result in (cpu, cuda)],
         "passes": [[row["passes"] for row in result.rows] for result in (cpu, cuda)],
+        "estimated_error": [result.estimated_error or 0.0 for result in (cpu, cuda)],
         "waits": backend.stream.waits,
+        "bytes": [backend.pool.nbytes, expected_bytes(cuda.simulation)],
         "repeated": stepper.repeated,
         "graphs": stepper.graphs,
     }
+
+
+def expected_bytes(simulation: Simulation) -> int:
+    """What the arrays of a simulation were expected to take on the device."""
+    layers = simulation.hierarchy.layers if simulation.hierarchy else ()
+    return array_bytes(simulation.scene.solver, simulation.disc, layers)
 
 
 if __name__ == "__main__":

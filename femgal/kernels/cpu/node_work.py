@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,6 +52,19 @@ class NodeWork:
     def to_host(self, values: NDArray) -> NDArray:
         """The array itself."""
         return values
+
+    @property
+    def runs_ahead(self) -> bool:
+        """What is asked for has been done when the call returns."""
+        return False
+
+    def fetch(self, values: Floats) -> Callable[[], NDArray]:
+        """The array itself."""
+        return lambda: values
+
+    def rows(self, x: Floats, vertices: NDArray[np.int64]) -> Floats:
+        """The rows of an array at some vertices, shape [k, 3]."""
+        return x[vertices]
 
     def copy(self, x: Floats) -> Floats:
         """A copy that belongs to the caller."""

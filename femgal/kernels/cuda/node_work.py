@@ -20,6 +20,7 @@ from femgal.discretisation import Discretisation
 from femgal.hierarchy.layer import Layer, finest_layer
 from femgal.kernels.backend import CycleOnDevice, Passes, Prescribed
 from femgal.kernels.cuda import descent, nodes
+from femgal.kernels.cuda.homeward import Homeward
 from femgal.kernels.cuda.memory import Pool
 from femgal.kernels.cuda.recording import Recording
 from femgal.kernels.cuda.stream import THREADS, Stream, Upload
@@ -48,6 +49,7 @@ class NodeWork:
         self.passes = Passes()
         self.threads = threads or len(os.sched_getaffinity(0))
         self.stream, self.pool = Stream(), Pool()
+        self._homeward = Homeward(self.stream)
         self._X, self._mass = self.put(disc.mesh.points), self.put(disc.mass)
         self._free = self.put(np.asarray(disc.free, np.int32))
         # Host arrays that do not change, by identity: gravity, lists of vertices.
@@ -86,6 +88,25 @@ class NodeWork:
     def to_host(self, values: Floats) -> NDArray[Any]:
         """A copy on the host; a host array as it is."""
         return values if isinstance(values, np.ndarray) else self.stream.download(values)
+
+    @property
+    def runs_ahead(self) -> bool:
+        """Launches do not wait for each other."""
+        return True
+
+    def fetch(self, values: Floats) -> Callable[[], NDArray[Any]]:
+        """What `to_host` gives, as a call that waits for it; the copy is made beside what is launched later."""
+        if isinstance(values, np.ndarray):
+            return lambda: values
+        # A step in which the host asks for an array is not repeated: nothing would ask for it again.
+        self.stream.exchanges += 1
+        return self._homeward.send(values)
+
+    def rows(self, x: Floats, vertices: NDArray[np.int64]) -> Floats:
+        """The rows of an array at a list of vertices that never changes, shape [k, 3]."""
+        out = self.pool.take((len(vertices), 3))
+        self.stream.over_rows(nodes.gather_rows, len(vertices), self.constant(vertices, np.int32), x, out)
+        return out
 
     def copy(self, x: Floats) -> Floats:
         """A copy that belongs to the caller."""

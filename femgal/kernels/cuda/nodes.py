@@ -96,6 +96,14 @@ def fill_rows(value: float, out: Rows) -> None:
 
 
 @kernel
+def gather_rows(vertices: Ints, x: Rows, out: Rows) -> None:
+    """out[k] = x[vertices[k]]."""
+    for k in range(cuda.grid(1), out.shape[0], cuda.gridsize(1)):
+        v = vertices[k]
+        out[k, 0], out[k, 1], out[k, 2] = x[v, 0], x[v, 1], x[v, 2]
+
+
+@kernel
 def place_rows(vertex: Ints, position: Rows, x: Rows) -> None:
     """x[vertex[k]] = position[k]."""
     for k in range(cuda.grid(1), vertex.shape[0], cuda.gridsize(1)):

@@ -71,7 +71,6 @@ def test_too_little_memory():
     [
         ({"name": "jacobi-explicit"}, "verlet"),
         ({"name": "newton-multigrid", "preconditioner": "mas"}, "layers"),
-        ({"name": "verlet", "accuracy": 0.01}, "substeps"),
     ],
 )
 def test_what_a_gpu_cannot_do(settings, word):
@@ -80,8 +79,9 @@ def test_what_a_gpu_cannot_do(settings, word):
     assert word in str(caught.value.allowed)
 
 
-def test_what_a_gpu_can_do():
-    check_supported(SolverSettings.model_validate({"name": "fas", "device": "cuda"}))
+@pytest.mark.parametrize("settings", [{"name": "fas"}, {"name": "verlet", "accuracy": 0.01}, {"name": "auto"}])
+def test_what_a_gpu_can_do(settings):
+    check_supported(SolverSettings.model_validate({**settings, "device": "cuda"}))
 
 
 def femgal(*arguments: str, **environment: str) -> subprocess.CompletedProcess:

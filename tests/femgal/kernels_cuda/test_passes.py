@@ -36,7 +36,8 @@ def test_passes():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("precision", TOLERANCE)
-@pytest.mark.parametrize("held", ["0", "0.6"])
+# Nothing is held, or four fifths of a body of 0.5 m, with elements that no free vertex feels.
+@pytest.mark.parametrize("held", ["0", "0.4"])
 def test_all_passes(precision, held):
     result = found(precision, held, "rare")
     assert_equal(result, precision)
