@@ -44,7 +44,7 @@ COST_OF_NEWTON_PASS = 1.1
 # The cheapest frame of Newton: one substep of two solves, some seventeen passes each.
 LEAST_NEWTON_COST = 2 * 17 * COST_OF_NEWTON_PASS
 
-# A pilot that has cost this share of the whole motion with Verlet is given up. Most of it is the first frame, which is
+# A pilot ends when it has cost this share of the whole motion with Verlet. Most of that is the first frame, which is
 # taken again until its steps are short enough: with 0.15 pilots of 20 frames saw no other.
 MOST_PILOT_SHARE = 0.25
 
@@ -124,7 +124,7 @@ def with_solver(scene: Scene, name: str, substeps: int | None = None) -> Scene:
 def _pilot(simulation: Simulation, most: float) -> tuple[float, int] | None:
     """Expected cost of a frame of Newton's method [gradient passes] and the substeps of the first one.
 
-    None when the pilot itself costs too much.
+    None when it fails, or the first frame alone costs too much.
     """
     from femgal.simulation import Stopped
 
@@ -143,9 +143,12 @@ def _pilot(simulation: Simulation, most: float) -> tuple[float, int] | None:
             before, cost = cost, expected_cost(rows, simulation.scene.frames, simulation.scene.solver.accuracy or 1.0)
             if frame.index >= FEWEST_FRAMES and (cost > STILL_FALLING * before or frame.index >= MOST_FRAMES):
                 break
-    except (Stopped, SolverFailure):
+    except SolverFailure:
         return None
-    return cost, int(rows[0]["substeps"])
+    except Stopped:
+        # What its frames let expect still counts; without one, Newton's method is too dear for certain.
+        pass
+    return (cost, int(rows[0]["substeps"])) if rows else None
 
 
 def expected_cost(rows: list[dict[str, Any]], frames: int, accuracy: float) -> float:

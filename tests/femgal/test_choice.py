@@ -4,7 +4,7 @@
 1. Where velocity Verlet needs few substeps it is chosen without a pilot; nothing but its stable step is computed.
 2. A stiff body that is moved slowly is given to Newton's method; the reason names both costs.
 3. The choice is the same every time, and the simulation of a chosen solver is that of the solver named.
-4. A pilot that costs too much is given up for Verlet.
+4. A pilot whose first frame costs too much is given up for Verlet; one that ends later counts as far as it came.
 5. What a pilot's frames let expect: as much again for errors that stay and are right, less for errors that have room,
    more for those that grow.
 6. A mesh or material that would need more substeps than any run can make is refused, with the number.
@@ -69,6 +69,16 @@ def test_what_a_pilot_expects():
     assert expected([1e-3 * k for k in range(1, 6)]) > expected([5e-3] * 5)
     assert expected([1e-9] * 5, S=1) == pytest.approx(100.0)
     assert expected([0.0] * 5) == pytest.approx(100.0)
+
+
+def test_a_pilot_that_ends_early_counts_as_far_as_it_came(monkeypatch):
+    monkeypatch.setattr(choice, "FEWEST_FRAMES", 1000)
+    monkeypatch.setattr(choice, "MOST_PILOT_SHARE", 0.1)
+    seen = []
+    monkeypatch.setattr(choice, "expected_cost", lambda rows, *rest: seen.append(len(rows)) or 1.0)
+    found = Simulation.prepare(beams(frames=40, **SLOW)).choice
+    assert 1 <= max(seen) < 40
+    assert (found.solver, found.newton_cost) == ("newton-multigrid", 1.0)
 
 
 def test_too_many_substeps(monkeypatch):
