@@ -2,7 +2,8 @@
 """One command for a machine with a GPU: `python -m reports.gpu.run`.
 
 Checks every kernel and whole scenes against the CPU, runs compute-sanitizer where there is one, measures, and writes
-figures.json and README.md into this folder. `--toy` does it at the size of the simulator (NUMBA_ENABLE_CUDASIM=1);
+figures.json and README.md into this folder. Figures that are there are kept: a run that was cut short, or ended after
+`--seconds N`, goes on with the same command. `--toy` does it at the size of the simulator (NUMBA_ENABLE_CUDASIM=1);
 `--page FILE` draws the page of figures that are there. Nothing but the installed package is needed.
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +22,28 @@ FOLDER = Path(__file__).resolve().parent
 ACCEPTED = {"float64": (1e-9, 1e-8), "float32": (1e-4, 1e-4)}
 
 
+# Largest differences of single passes.
+OF_PASSES = {"float64": 1e-12, "float32": 2e-5}
+
+
 def page(found: dict[str, Any]) -> str:
     """The figures for people, in Markdown."""
     lines = ["# The CUDA backend on a GPU", "", *_environment(found["environment"])]
-    for name, draw in {"correctness": _correctness, "sanitizer": _sanitizer, "speed": _speed}.items():
-        part = found.get(name, {"not_run": "the run ended before"})
-        lines += ["", f"## {name.capitalize()}", ""]
-        if "failure" in part:
-            lines += ["```", part["failure"].strip(), "```"]
-        else:
-            lines += [f"Not run: {part['not_run']}."] if "not_run" in part else draw(part)
+    for part, (title, draw) in SECTIONS.items():
+        results = {name: result for name, result in found.get(part, {}).items() if "not_run" not in result}
+        lines += ["", f"## {title}", ""]
+        good = {name: result for name, result in results.items() if "failure" not in result}
+        lines += list(draw(good)) if good else [f"Not run: {_why(found.get(part, {}))}."]
+        lines += [f"* {name} failed: {_last_line(one)}" for name, one in results.items() if name not in good]
     return "\n".join(lines) + "\n"
+
+
+def _why(part: dict[str, Any]) -> str:
+    return next((result["not_run"] for result in part.values() if "not_run" in result), "the run ended before")
+
+
+def _last_line(result: dict[str, Any]) -> str:
+    return result["failure"].strip().splitlines()[-1]
 
 
 def _environment(environment: dict[str, Any]) -> Iterator[str]:
@@ -41,15 +53,19 @@ def _environment(environment: dict[str, Any]) -> Iterator[str]:
     yield f"Graphs: {environment['no_graphs'] or 'each repeated substep is one'}."
 
 
-def _correctness(part: dict[str, Any]) -> Iterator[str]:
+def _passes(part: dict[str, Any]) -> Iterator[str]:
     yield "| what | precision | largest difference | accepted | |"
     yield "|---|---|---|---|---|"
-    for precision, result in part["passes"].items():
+    for precision, result in part.items():
         name, size = max(result["differences"].items(), key=lambda item: item[1])
-        limit = {"float64": 1e-12, "float32": 2e-5}[precision]
-        yield _row(f"{len(result['differences'])} passes, worst {name}", precision, size, limit)
+        yield _row(f"{len(result['differences'])} passes, worst {name}", precision, size, OF_PASSES[precision])
         yield f"| the same bits again | {precision} | | | {'yes' if result['repeats'] else 'NO'} |"
-    for name, result in part["scenes"].items():
+
+
+def _scenes(part: dict[str, Any]) -> Iterator[str]:
+    yield "| what | precision | largest difference | accepted | |"
+    yield "|---|---|---|---|---|"
+    for name, result in part.items():
         solver, _, precision = name.rpartition(", ")
         for what, limit in zip(("positions", "energies"), ACCEPTED[precision], strict=True):
             yield _row(f"{solver}: {what}", precision, result[what], limit)
@@ -65,42 +81,76 @@ def _sanitizer(part: dict[str, Any]) -> Iterator[str]:
 
 
 def _speed(part: dict[str, Any]) -> Iterator[str]:
-    yield "| vertices | precision | solver | s per frame | substeps | ms per substep | repeated | graph | GiB |"
-    yield "|---|---|---|---|---|---|---|---|---|"
-    for row in part["bunny drape"]:
-        head = f"| {row['vertices']} | {row['precision']} | {row['solver']} |"
-        if "failure" in row:
-            yield f"{head} failed: {row['failure'].strip().splitlines()[-1]} | | | | | |"
-            continue
-        f = row["frames"]
-        times = f" {f['seconds_per_frame']:.4f} | {f['substeps']} | {1e3 * f['seconds_per_substep']:.4f} |"
-        yield f"{head}{times} {f['repeated']} | {f['graphs']} | {f['bytes_of_arrays'] / 2**30:.2f} |"
+    yield from _frames(part)
     yield from ("", "Passes, as a share of the bandwidth of a copy:", "")
-    yield "| vertices | precision | layer | pass | ms | GB/s | share of a copy | M tets/s |"
-    yield "|---|---|---|---|---|---|---|---|"
-    for row in part["bunny drape"]:
+    yield "| what | layer | pass | ms | GB/s | share of a copy | M tets/s |"
+    yield "|---|---|---|---|---|---|---|"
+    for name, row in part.items():
         for one in row.get("passes", ()):
             share = one["bandwidth"] / row["copy_bandwidth"]
-            head = f"| {row['vertices']} | {row['precision']} | {one['layer']} | {one['pass']} |"
-            rate = 1e-6 * one["tets_per_second"]
+            head, rate = f"| {name} | {one['layer']} | {one['pass']} |", 1e-6 * one["tets_per_second"]
             yield f"{head} {1e3 * one['seconds']:.4f} | {1e-9 * one['bandwidth']:.0f} | {share:.2f} | {rate:.0f} |"
     yield from ("", "Seconds of the host per substep, with the solver's Python and repeated:", "")
-    for row in part["bunny drape"]:
+    for name, row in part.items():
         if "launch_overhead" in row:
-            shown = ", ".join(f"{name} {1e6 * value:.0f} us" for name, value in row["launch_overhead"].items())
-            yield f"* {row['vertices']} vertices, {row['precision']}, {row['solver']}: {shown}"
+            shown = ", ".join(f"{what} {1e6 * value:.0f} us" for what, value in row["launch_overhead"].items())
+            yield f"* {name}: {shown}"
+
+
+def _frames(part: dict[str, Any]) -> Iterator[str]:
+    yield "| what | scene | vertices | s per frame | substeps | ms per substep | repeated | graph | GiB | expected |"
+    yield "|---|---|---|---|---|---|---|---|---|---|"
+    for name, row in part.items():
+        f = row["frames"]
+        times = f"{f['seconds_per_frame']:.4f} | {f['substeps']} | {1e3 * f['seconds_per_substep']:.4f}"
+        memory = f"{f['bytes_of_arrays'] / 2**30:.2f} | {f['bytes_expected'] / 2**30:.2f}"
+        yield f"| {name} | {row['scene']} | {row['vertices']} | {times} | {f['repeated']} | {f['graphs']} | {memory} |"
+
+
+def _one_percent(part: dict[str, Any]) -> Iterator[str]:
+    yield "| solver | substeps | error | reached | s per frame |"
+    yield "|---|---|---|---|---|"
+    for name, row in part.items():
+        head = f"| {name} | {row['substeps']:.0f} | {100 * row['error']:.2g} % |"
+        yield f"{head} {'yes' if row['reached'] else 'NO'} | {row['seconds_per_frame']:.4f} |"
+
+
+def _registers(part: dict[str, Any]) -> Iterator[str]:
+    yield "| kernel | precision | registers | stack | spills |"
+    yield "|---|---|---|---|---|"
+    for one in part["all"]["kernels"]:
+        yield f"| {one['name']} | {one['precision']} | {one['registers']} | {one['stack']} | {one['spills']} |"
+
+
+SECTIONS: dict[str, tuple[str, Callable[[dict[str, Any]], Iterator[str]]]] = {
+    "passes": ("Passes against the CPU", _passes),
+    "scenes": ("Scenes against the CPU", _scenes),
+    "speed": ("Drape", _speed),
+    "table 1": ("Scenes of [L], Table 1", _frames),
+    "one percent": ("Whole motions with an error of one percent", _one_percent),
+    "sanitizer": ("compute-sanitizer", _sanitizer),
+    "registers": ("Registers", _registers),
+}
+
+
+def _positional(arguments: list[str]) -> list[str]:
+    """Arguments that are neither options nor the number of seconds."""
+    numbers = {k + 1 for k, argument in enumerate(arguments) if argument == "--seconds"}
+    return [argument for k, argument in enumerate(arguments) if k not in numbers and not argument.startswith("--")]
 
 
 def main(arguments: list[str]) -> int:
     """Measure and draw, or only draw."""
-    given = [Path(argument) for argument in arguments if not argument.startswith("--")]
+    given = [Path(argument) for argument in _positional(arguments)]
     if "--page" in arguments:
         print(page(json.loads(given[0].read_text(encoding="utf-8"))))
         return 0
     folder = given[0] if given else FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     toy = [argument for argument in arguments if argument == "--toy"]
-    status = subprocess.run([sys.executable, "-m", "verify.gpu", str(folder / "figures.json"), *toy]).returncode
+    seconds = [arguments[arguments.index("--seconds") + 1]] if "--seconds" in arguments else []
+    command = [sys.executable, "-m", "verify.gpu", str(folder / "figures.json"), *seconds, *toy]
+    status = subprocess.run(command).returncode
     if (folder / "figures.json").is_file():
         found = json.loads((folder / "figures.json").read_text(encoding="utf-8"))
         (folder / "README.md").write_text(page(found), encoding="utf-8")
