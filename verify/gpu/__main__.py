@@ -110,7 +110,7 @@ def _timed(scene: str, vertices: int, precision: str, solver: Mapping[str, objec
     simulation = timings.prepare(scene, vertices, precision, solver, 2 if toy else 6)
     backend, layers = simulation.backend, simulation.hierarchy.layers if simulation.hierarchy else ()
     row: dict[str, Any] = {"vertices": simulation.disc.n_vertices, "tets": simulation.disc.n_tets}
-    row |= {"precision": precision, "scene": scene, "frames": timings.frames(simulation, 0 if toy else 4)}
+    row |= {"precision": precision, "scene": scene, "frames": timings.frames(simulation, 1 if toy else 4)}
     if layers:
         row["copy_bandwidth"] = timings.copy_bandwidth(backend, 100 if toy else 10_000_000)
         row["passes"] = timings.passes(backend, layers[:1] if toy else layers)
