@@ -112,10 +112,10 @@ def choose(scene: Scene, assemble: Assemble) -> Choice:
 
 
 def with_solver(scene: Scene, name: str, substeps: int | None = None) -> Scene:
-    """The scene with a solver under the same accuracy, threads and precision."""
+    """The scene with a solver under the same accuracy, threads, precision and device."""
     settings = scene.solver
     given: dict[str, Any] = {"name": name, "accuracy": settings.accuracy}
-    given |= {"threads": settings.threads, "precision": settings.precision}
+    given |= {"threads": settings.threads, "precision": settings.precision, "device": settings.device}
     if name != "verlet":
         given["substeps"] = substeps
     return scene.model_copy(update={"solver": SolverSettings.model_validate(given)})

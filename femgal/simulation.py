@@ -159,10 +159,8 @@ class Simulation:
         if scene.solver.name != "auto":
             return cls.assemble(scene, world, announce)
         announce("choosing a solver")
-        device = scene.solver.device
-        choice = choose(scene, lambda candidate: cls.assemble(_on(device, candidate), world))
-        chosen = _on(device, with_solver(scene, choice.solver, choice.substeps))
-        simulation = cls.assemble(chosen, world, announce)
+        choice = choose(scene, lambda candidate: cls.assemble(candidate, world))
+        simulation = cls.assemble(with_solver(scene, choice.solver, choice.substeps), world, announce)
         simulation.choice = choice
         return simulation
 
@@ -409,11 +407,6 @@ class Simulation:
             return advice
         advice += ", or --set solver.steps=exact"
         return advice if settings.chebyshev is None else f"{advice}, or leave solver.chebyshev out"
-
-
-def _on(device: str, scene: Scene) -> Scene:
-    """The scene on a device."""
-    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"device": device})})
 
 
 def _build_hierarchy(disc: Discretisation, settings: SolverSettings) -> Hierarchy:
