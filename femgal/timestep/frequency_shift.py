@@ -15,12 +15,12 @@ swings at pi / (w h) or more, so its amplitude is at most that part of a over (p
 widths is the estimate. A motion that begins with an implicit Euler step of h_e has lost h_e^2 a / 2 there, for good.
 
 It costs no element pass. On seven scenes, soft and stiff, heavy and light, driven and hung, the error of the whole
-motion was estimated at 0.9 to 1.7 times the true one (tests/verify/test_accuracy_promise.py), also with implicit steps
-so long that the motion is wrong altogether: a light beam with one step a frame, 58 % off, at 66 %. Only the first frame
-after a sudden start, where there is no past to look at, may be a third of what it should be.
+motion was estimated at 0.9 to 1.7 times the true one (tests/verify/test_accuracy_promise.py), and it is as good where
+implicit steps are so long that the motion is wrong altogether (tests/femgal/test_frequency_shift.py). Only the first
+frame after a sudden start, where there is no past to look at, may be a third of what it should be.
 
-What it replaced for TR-BDF2: the same motion with half the substeps beside it. That cost half as much again, took the
-error for 1.3 to 9 times what it was, and where both motions were wrong alike for less than half.
+What it replaced for TR-BDF2: the same motion with half the substeps beside it. That cost half as much again and mostly
+took the error for several times what it was; where both motions were wrong alike, for less than half.
 """
 
 from __future__ import annotations
