@@ -15,6 +15,7 @@ from femgal.discretisation import Discretisation
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.cuda.layout import REST, SIZES
 from femgal.scene.model import SolverSettings
+from femgal.solvers.lattice_vcycle import most_dense
 
 # 0.45 to 0.49 in single precision, 0.56 to 0.58 in double; 0.02 to 0.07; 1.01 to 1.26.
 SLOTS, COARSE_SLOTS, PADDING = 0.6, 0.08, 1.25
@@ -59,7 +60,7 @@ def array_bytes(settings: SolverSettings, disc: Discretisation, layers: tuple[La
     if settings.name == "vbd":
         total += STAR * disc.n_tets + EDGE_END * _blocks(disc)
     if settings.name == "newton-multigrid" and settings.preconditioner == "v-cycle":
-        total += int(COARSER * (BLOCK * _blocks(disc) + LEVEL * n))
+        total += int(COARSER * (BLOCK * _blocks(disc) + LEVEL * n)) + _dense_bottom(disc)
     return total
 
 
@@ -77,6 +78,12 @@ def _coarse(layer: Layer, size: int, real: int, passes: int) -> int:
     pairs = int(PADDING * layer.n_pairs) * (2 + 3 * real)
     slots = int(COARSE_SLOTS * layer.n_pairs) * (8 + 9 * real * passes)
     return elements + pairs + slots + 24 * layer.parent.size + 256 * layer.n_nodes
+
+
+def _dense_bottom(disc: Discretisation) -> int:
+    """The inverse of the coarsest matrix in double precision, twice, as a new one is sent before the old one goes."""
+    free = int(disc.free.sum())
+    return 2 * 8 * min(3 * free, most_dense(free)) ** 2
 
 
 def _filled(elements: int, size: int) -> int:

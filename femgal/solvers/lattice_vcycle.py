@@ -45,6 +45,11 @@ BOTTOM_DEGREE = 8
 BOTTOM_RATIO = 100.0
 
 
+def most_dense(n: int) -> int:
+    """Most unknowns of a dense bottom, for n free vertices."""
+    return min(MOST_DENSE, int((DENSE_WORK * n) ** (1.0 / 3.0)))
+
+
 class LatticeVCycle:
     """One V-cycle; the methods are those of `femgal.solvers.preconditioner.Preconditioner`.
 
@@ -62,7 +67,7 @@ class LatticeVCycle:
         self._backend = backend
         self._assembly = HessianAssembly(backend.disc, precision, backend.threads)
         self._A = self._assembly.matrix()
-        most = min(MOST_DENSE, int((DENSE_WORK * self._A.n_rows) ** (1.0 / 3.0)))
+        most = most_dense(self._A.n_rows)
         products = lattice_chain(backend.disc, self._A.pattern, most // 3, precision)
         matrices: list[BlockMatrix] = [self._A]
         for product in products:

@@ -73,7 +73,7 @@ def test_what_a_pilot_expects():
 
 def test_a_pilot_that_ends_early_counts_as_far_as_it_came(monkeypatch):
     monkeypatch.setattr(choice, "FEWEST_FRAMES", 1000)
-    monkeypatch.setattr(choice, "MOST_PILOT_SHARE", 0.1)
+    monkeypatch.setattr(choice, "MOST_PILOT_SHARE", 0.05)
     seen = []
     monkeypatch.setattr(choice, "expected_cost", lambda rows, *rest: seen.append(len(rows)) or 1.0)
     found = Simulation.prepare(beams(frames=40, **SLOW)).choice

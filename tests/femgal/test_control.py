@@ -10,6 +10,9 @@
    or halve.
 5. All that the next frame depends on is in the state: a control made anew goes on identically.
 6. A method that asks for the frame again gets it, without the estimator being asked.
+7. What a motion is still gathering is expected: of a body let go at rest, in the first half of its way out, no more
+   than it will swing; halfway to as much again where it moves evenly, and nothing where it turns back.
+8. Errors whose phases grow steadily are met with nearly equal substeps, and a fifth more of them than the best choice.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from femgal.timestep.control import MOST_RETAKES, AccuracyControl
+from femgal.timestep.control import MOST_RETAKES, SWINGING, AccuracyControl, size_ahead
 from femgal.timestep.state import MotionState, least_substeps
 
 MASS = np.array([1.0, 3.0])
@@ -172,3 +175,30 @@ def test_the_method_comes_first():
     method = control(estimator, stepper=Drifting(again=7))
     assert run(method, 1)[0][0] == 7
     assert estimator.calls == [7]
+
+
+@pytest.mark.parametrize("per_period", [8.0, 13.0, 25.0])
+def test_what_a_swing_is_still_gathering(per_period):
+    k = np.arange(1, 41)
+    theta = 2.0 * math.pi * k / per_period
+    u, steepness = 1.0 - np.cos(theta), theta / np.tan(0.5 * theta)
+    for frame in np.flatnonzero((steepness > SWINGING) & (theta < math.pi)) + 1:
+        left = len(k) - frame
+        true = float((u[frame:] ** 2).sum()) / u[frame - 1] ** 2
+        assert left <= size_ahead(steepness[frame - 1], frame, left) <= max(left, 1.05 * true)
+
+
+def test_what_other_motions_are_still_gathering():
+    # |u|^2 like t where |u| grows like t: halfway between that and staying as it is.
+    assert size_ahead(1.0, 1, 19) == pytest.approx(sum(range(2, 21)))
+    assert size_ahead(1.0, 10, 20) == pytest.approx(sum(k / 10 for k in range(11, 31)))
+    for steepness in (0.0, -3.0, 5.0, math.inf, math.nan):
+        assert size_ahead(steepness, 2, 19) == 19.0
+
+
+def test_steady_growth_is_met_with_nearly_equal_substeps():
+    taken = [substeps for substeps, _ in run(control(Known(growth=5.0), frames=40), 40)]
+    # |e_k| = 5 (0.1 k) / S^2 and |u_k| = sqrt(13) (0.1 k): R = 5 / (sqrt(13) S^2)
+    best = math.sqrt(5.0 / math.sqrt(13.0) / 0.01)
+    assert best < np.mean(taken) < 1.2 * best
+    assert max(taken) < 2.0 * best
