@@ -3,8 +3,9 @@
 
 Velocity Verlet's substeps are known from the stable step, and at that step its error is mostly 1e-4 or less: where
 they are few, nothing is cheaper. Else a pilot solves the first frames with `newton-multigrid` under the same control of
-the error, and what a frame will cost on average, judged by them, decides. Costs are counted in element passes and so
-the same on every machine: a scene has one choice, and a run that is resumed has the same.
+the error, and what a frame will cost on average, judged by them, decides. If it is for Newton's method, the pilot's
+frames are the first ones of the run. Costs are counted in element passes and so the same on every machine: a scene has
+one choice, and a run that is resumed has the same.
 
 The first frames are not like the rest. Of a body that was set off suddenly most of the error comes at once; one that
 swings freely loses its phase as time goes on; where a motion only gathers speed, the error falls behind it. So what the
@@ -14,13 +15,16 @@ error is to be at the end is led on from the pilot's frames as a power of time, 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from femgal.failure import SolverFailure
+from femgal.frame import Frame, Stopped
+from femgal.kernels.backend import Passes
 from femgal.scene.model import Scene, SolverSettings
 from femgal.timestep.control import AIM, MOST_SUBSTEPS
 from femgal.timestep.tr_bdf2 import ORDER
@@ -62,11 +66,13 @@ class Choice:
     Parameters
     ----------
     solver : Name of the solver.
-    substeps : Substeps that a frame begins with.
+    substeps : Substeps of the first frame.
     reason : In words.
     verlet_cost : Gradient passes per frame of velocity Verlet.
     newton_cost : What a frame of newton-multigrid costs in the same unit; None where no pilot was needed or it was
         given up.
+    wasted_passes : Element passes of a pilot that nothing came of, by kind; None where there was none.
+    wasted_seconds : CPU time of it [s].
     """
 
     solver: str
@@ -74,6 +80,8 @@ class Choice:
     reason: str
     verlet_cost: float
     newton_cost: float | None = None
+    wasted_passes: dict[str, float] | None = None
+    wasted_seconds: float = field(default=0.0, compare=False)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-ready."""
@@ -83,13 +91,17 @@ class Choice:
         return f"{self.solver}: {self.reason}"
 
 
-def choose(scene: Scene, assemble: Assemble) -> Choice:
+def choose(scene: Scene, assemble: Assemble) -> Simulation:
     """Choose between `verlet` and `newton-multigrid`.
 
     Parameters
     ----------
     scene : With `solver.name = "auto"`.
     assemble : Makes a simulation of the same bodies with another solver.
+
+    Returns
+    -------
+    simulation : With the solver that was chosen, the choice, and the frames that a pilot has solved.
 
     Raises
     ------
@@ -99,56 +111,74 @@ def choose(scene: Scene, assemble: Assemble) -> Choice:
     explicit = assemble(with_solver(scene, "verlet"))
     _, substeps = explicit.stepper.begin_frame(explicit.start(), explicit.frame_duration)
     if substeps <= LEAST_NEWTON_COST:
-        return Choice("verlet", substeps, f"stable with {substeps} substeps a frame", substeps)
-    found = _pilot(assemble(with_solver(scene, "newton-multigrid")), MOST_PILOT_SHARE * scene.frames * substeps)
-    if found is None or found[0] >= substeps:
+        explicit.choice = Choice("verlet", substeps, f"stable with {substeps} substeps a frame", substeps)
+        return explicit
+    implicit = assemble(with_solver(scene, "newton-multigrid"))
+    implicit.compile()
+    began = time.process_time()
+    pilot = _fly(implicit, MOST_PILOT_SHARE * scene.frames * substeps)
+    if pilot.cost is None or pilot.cost >= substeps:
         _check_substeps(scene, substeps)
-        other = "newton-multigrid needs more" if found is None else f"newton-multigrid costs as much as {found[0]:.0f}"
+        other = "newton-multigrid needs more" if pilot.cost is None else f"newton-multigrid costs {pilot.cost:.0f}"
         reason = f"{substeps} substeps a frame; {other}"
-        return Choice("verlet", substeps, reason, substeps, None if found is None else found[0])
-    cost, begin = found
-    reason = f"a frame costs as much as {cost:.0f} substeps of verlet, which needs {substeps}"
-    return Choice("newton-multigrid", begin, reason, substeps, cost)
+        wasted = time.process_time() - began
+        explicit.choice = Choice("verlet", substeps, reason, substeps, pilot.cost, pilot.passes.as_dict(), wasted)
+        return explicit
+    reason = f"a frame costs as much as {pilot.cost:.0f} substeps of verlet, which needs {substeps}"
+    implicit.choice = Choice("newton-multigrid", pilot.frames[1].row["substeps"], reason, substeps, pilot.cost)
+    implicit.solved = pilot.frames
+    return implicit
 
 
-def with_solver(scene: Scene, name: str, substeps: int | None = None) -> Scene:
+def with_solver(scene: Scene, name: str) -> Scene:
     """The scene with a solver under the same accuracy, threads, precision and device."""
     settings = scene.solver
     given: dict[str, Any] = {"name": name, "accuracy": settings.accuracy}
     given |= {"threads": settings.threads, "precision": settings.precision, "device": settings.device}
-    if name != "verlet":
-        given["substeps"] = substeps
     return scene.model_copy(update={"solver": SolverSettings.model_validate(given)})
 
 
-def _pilot(simulation: Simulation, most: float) -> tuple[float, int] | None:
-    """Expected cost of a frame of Newton's method [gradient passes] and the substeps of the first one.
+@dataclass(frozen=True, eq=False)
+class _Pilot:
+    """What a pilot came to.
 
-    None when it fails, or the first frame alone costs too much.
+    Parameters
+    ----------
+    frames : From the start on.
+    cost : Expected of a frame of Newton's method [gradient passes]; None when it failed, or the first frame alone cost
+        too much.
+    passes : Element passes of it.
     """
-    from femgal.simulation import Stopped
 
-    spent, rows = 0.0, list[dict[str, Any]]()
+    frames: list[Frame]
+    cost: float | None
+    passes: Passes
+
+
+def _fly(simulation: Simulation, most: float) -> _Pilot:
+    """Frames of Newton's method, until what they let expect gets no cheaper or they have cost so much."""
+    frames: list[Frame] = []
+    passes, cost = Passes(), math.inf
 
     def goes_on(substep: int, substeps: int) -> bool:
-        return COST_OF_NEWTON_PASS * (spent + simulation.backend.passes.total) < most
+        return COST_OF_NEWTON_PASS * (passes.total + simulation.backend.passes.total) < most
 
-    cost = math.inf
     try:
         for frame in simulation.frames(on_substep=goes_on):
+            frames.append(frame)
             if frame.index == 0:
                 continue
-            rows.append(frame.row)
-            spent += frame.row["passes"]
+            passes.add(Passes(**frame.row["passes_by_kind"]))
+            rows = [frame.row for frame in frames[1:]]
             before, cost = cost, expected_cost(rows, simulation.scene.frames, simulation.scene.solver.accuracy or 1.0)
             if frame.index >= FEWEST_FRAMES and (cost > STILL_FALLING * before or frame.index >= MOST_FRAMES):
                 break
     except SolverFailure:
-        return None
+        return _Pilot(frames, None, passes)
     except Stopped:
         # What its frames let expect still counts; without one, Newton's method is too dear for certain.
-        pass
-    return (cost, int(rows[0]["substeps"])) if rows else None
+        passes.add(simulation.backend.passes)
+    return _Pilot(frames, cost if len(frames) > 1 else None, passes)
 
 
 def expected_cost(rows: list[dict[str, Any]], frames: int, accuracy: float) -> float:

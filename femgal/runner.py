@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.failure import SolverFailure
+from femgal.frame import Frame, Stopped
 from femgal.output.checkpoint import load_checkpoint, save_checkpoint
 from femgal.output.fields import find_field
 from femgal.output.folder import SCENE_FILE, has_checkpoint, locked, prepare_output
@@ -24,7 +25,7 @@ from femgal.output.series import SeriesWriter, open_series
 from femgal.scene.load import load_scene
 from femgal.scene.model import Scene
 from femgal.scene.write import scene_to_toml
-from femgal.simulation import Frame, Simulation, Stopped
+from femgal.simulation import Simulation
 from femgal.timestep.state import MotionState
 from meshes.errors import InputError
 
@@ -292,6 +293,7 @@ class _Run:
 
     def _keep(self, frame: Frame) -> None:
         """Write a frame, or leave that for when the device is at work on the next one."""
+        self._write()
         self._pending = frame
         if not self._simulation.backend.runs_ahead:
             self._write()

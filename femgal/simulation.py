@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femgal.choice import Choice, choose, with_solver
+from femgal.choice import Choice, choose
 from femgal.device_choice import check_device, make_backend
 from femgal.diagnostics import Energies, EnergyGuard, energies_of
 from femgal.discretisation import Discretisation, discretise
 from femgal.failure import SolverFailure
+from femgal.frame import Frame, Stopped
 from femgal.hierarchy.hierarchy import Hierarchy, build_constant_hierarchy, build_linear_hierarchy
 from femgal.kernels.backend import Backend, Passes
 from femgal.scene.build import World, build_world
@@ -30,7 +31,6 @@ from femgal.timestep.control import AccuracyControl
 from femgal.timestep.mass_scaling import MassScaling
 from femgal.timestep.potential import eps18
 from femgal.timestep.state import MotionState, TimeStepper
-from meshes.errors import InputError
 
 Floats = NDArray[np.float64]
 
@@ -41,49 +41,10 @@ MOST_RETAKES = 8
 # it grows by more than this share has taken steps that are too long for the method, or for its step lengths.
 MOST_GAIN = 0.01
 
-# Positions [m] and velocities [m/s] beyond this are taken for mistakes; files hold them in single precision.
-LARGEST = 1e12
-
 # Called with what is being done now: "building mesh", "compiling", ...
 Announce = Callable[[str], None]
 # Called after each substep with (substep, substeps); returns False to stop after the last complete frame.
 OnSubstep = Callable[[int, int], bool]
-
-
-class Stopped(Exception):
-    """The caller asked to stop in the middle of a frame."""
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """One frame of a run; frame 0 is the start.
-
-    Parameters
-    ----------
-    index : Number of the frame.
-    row : The numbers of the frame, as in run.json.
-    fetch_state, fetch_fields : Wait for what is on its way from the device, and return it.
-    guard : Memory of the energy guard after this frame; a checkpoint holds it beside the state.
-    """
-
-    index: int
-    row: dict[str, Any]
-    fetch_state: Callable[[], MotionState]
-    fetch_fields: Callable[[], dict[str, NDArray]]
-    guard: dict[str, Any] = field(default_factory=dict)
-
-    @cached_property
-    def state(self) -> MotionState:
-        """Positions, velocities and everything else that the next frame depends on.
-
-        Arrays of its memory that have rows are still the backend's.
-        """
-        return self.fetch_state()
-
-    @cached_property
-    def fields(self) -> dict[str, NDArray]:
-        """The output fields that the plan names, one array per name; static ones are not repeated here."""
-        return self.fetch_fields()
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +82,10 @@ class Simulation:
     stepper : Time-stepping method.
     mass_scaling : What was added to the mass of `disc` for longer steps; None when nothing was asked for.
     choice : Which solver was chosen and why; None where the scene names one.
+
+    Attributes
+    ----------
+    solved : Frames from the start on that were solved when the solver was chosen; `frames` begins with them, once.
     """
 
     scene: Scene
@@ -133,9 +98,11 @@ class Simulation:
     mass_scaling: MassScaling | None = None
     choice: Choice | None = None
     guard: EnergyGuard = field(init=False)
+    solved: list[Frame] = field(default_factory=list, init=False, repr=False)
     _start: MotionState | None = field(default=None, init=False, repr=False)
     # Substeps of the present frame that missed the tolerance asked for.
     _unconverged: int = field(default=0, init=False, repr=False)
+    _compiled: bool = field(default=False, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.gravity = np.asarray(self.scene.gravity, np.float64)
@@ -145,7 +112,8 @@ class Simulation:
     def prepare(cls, scene: Scene, announce: Announce = lambda text: None) -> Simulation:
         """Build everything that a scene needs.
 
-        Where its solver is `auto`, one is chosen, which may take a few frames; the simulation's scene names it.
+        Where its solver is `auto`, one is chosen, which may take a few frames; the simulation's scene names it, and
+        `frames` hands on what has been solved.
 
         Raises
         ------
@@ -155,14 +123,10 @@ class Simulation:
         check_device(scene.solver)
         announce("building the mesh")
         world = build_world(scene)
-        _check_start(world)
         if scene.solver.name != "auto":
             return cls.assemble(scene, world, announce)
         announce("choosing a solver")
-        choice = choose(scene, lambda candidate: cls.assemble(candidate, world))
-        simulation = cls.assemble(with_solver(scene, choice.solver, choice.substeps), world, announce)
-        simulation.choice = choice
-        return simulation
+        return choose(scene, lambda candidate: cls.assemble(candidate, world))
 
     @classmethod
     def assemble(cls, scene: Scene, world: World, announce: Announce = lambda text: None) -> Simulation:
@@ -226,7 +190,13 @@ class Simulation:
         return self._start
 
     def compile(self, state: MotionState | None = None) -> None:
-        """Take steps from a state, or from the start, and throw them away: no frame's time contains compilation."""
+        """Take steps from a state, or from the start, and throw them away: no frame's time contains compilation.
+
+        What has been done once is not done again.
+        """
+        if self._compiled:
+            return
+        self._compiled = True
         h = 1e-3 * self.frame_duration
         first = self.stepper.step(self.start() if state is None else self.on_device(state), h)
         kept = with_blocks_to_use(first.memory)
@@ -255,6 +225,10 @@ class Simulation:
         Stopped
             on_substep asked for it.
         """
+        solved, self.solved = self.solved, []
+        if resume is None and solved:
+            yield from solved
+            resume = (solved[-1].index, solved[-1].state, solved[-1].guard)
         if resume is None:
             state, first = self.start(), 1
             frame, energies = self._measure(0, state)
@@ -413,19 +387,3 @@ def _build_hierarchy(disc: Discretisation, settings: SolverSettings) -> Hierarch
     if settings.transfer == "linear":
         return build_linear_hierarchy(disc, settings.layers)
     return build_constant_hierarchy(disc, settings.ratio, settings.layers)
-
-
-def _check_start(world: World) -> None:
-    for name, unit, values in (
-        ("rest positions", "m", world.mesh.points),
-        ("start positions", "m", world.x0),
-        ("start velocities", "m/s", world.v0),
-    ):
-        largest = float(np.abs(values).max())
-        if not largest <= LARGEST:
-            raise InputError(
-                f"{name} are out of bounds",
-                found=f"{largest:.3g} {unit}",
-                allowed=f"up to {LARGEST:.0e} {unit}",
-                advice="check size, translate, velocity and initial of the bodies, and the paths",
-            )

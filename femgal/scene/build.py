@@ -23,6 +23,9 @@ from meshes.types import Origin, TetMesh
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
+# Positions [m] and velocities [m/s] beyond this are taken for mistakes; files hold them in single precision.
+LARGEST = 1e12
+
 
 @dataclass(frozen=True, eq=False)
 class World:
@@ -73,6 +76,8 @@ def build_world(scene: Scene) -> World:
     SceneError
         A mesh that cannot be made; a region, constraint or pull that selects nothing; a vertex in two constraints;
         no free vertex.
+    InputError
+        Positions or velocities at the start are out of bounds.
     """
     made = _make_meshes(scene)
     parts = [
@@ -89,7 +94,24 @@ def build_world(scene: Scene) -> World:
     E, nu, rho = (np.concatenate(values) for values in zip(*(part.material for part in parts), strict=True))
     warnings = [text for part in parts for text in part.warnings] + constraint_warnings(scene.constraints, motions)
     origins = [part.origin for part in parts]
+    _check_start(mesh.points, x0, v0)
     return World(mesh, body, vertex_body, E, nu, rho, x0, v0, motions, tuple(warnings), origins)
+
+
+def _check_start(X: Floats, x0: Floats, v0: Floats) -> None:
+    for name, unit, values in (
+        ("rest positions", "m", X),
+        ("start positions", "m", x0),
+        ("start velocities", "m/s", v0),
+    ):
+        largest = float(np.abs(values).max())
+        if not largest <= LARGEST:
+            raise InputError(
+                f"{name} are out of bounds",
+                found=f"{largest:.3g} {unit}",
+                allowed=f"up to {LARGEST:.0e} {unit}",
+                advice="check size, translate, velocity and initial of the bodies, and the paths",
+            )
 
 
 def _make_meshes(scene: Scene) -> list[Any]:

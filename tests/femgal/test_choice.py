@@ -7,15 +7,18 @@
 4. A pilot whose first frame costs too much is given up for Verlet; one that ends later counts as far as it came.
 5. What a pilot's frames let expect: as much again for errors that stay and are right, less for errors that have room,
    more for those that grow.
-6. A mesh or material that would need more substeps than any run can make is refused, with the number.
+6. What a pilot has solved is not solved again: the run begins with its frames, and every bit is that of a run without.
+7. A mesh or material that would need more substeps than any run can make is refused, with the number.
 """
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from femgal import choice
 from femgal.choice import choose, expected_cost, with_solver
+from femgal.kernels.backend import Passes
 from femgal.scene.load import load_scene
 from femgal.simulation import Simulation
 from femgal.timestep.control import AIM
@@ -31,7 +34,7 @@ def beams(accuracy="5%", frames=10, **changes):
 
 
 def test_few_substeps_need_no_pilot(monkeypatch):
-    monkeypatch.setattr(choice, "_pilot", None)
+    monkeypatch.setattr(choice, "_fly", None)
     simulation = Simulation.prepare(beams())
     assert (simulation.scene.solver.name, simulation.choice.solver) == ("verlet", "verlet")
     assert simulation.scene.solver.accuracy == 0.05
@@ -48,14 +51,38 @@ def test_stiff_and_slow():
     assert found.newton_cost < found.verlet_cost
     assert f"{found.newton_cost:.0f}" in found.reason
     assert f"{found.verlet_cost:.0f}" in found.reason
-    named = Simulation.prepare(with_solver(scene, "newton-multigrid", found.substeps))
+    named = Simulation.prepare(with_solver(scene, "newton-multigrid"))
     assert named.fingerprint == first.fingerprint == second.fingerprint
+
+
+def test_the_frames_of_a_pilot_are_the_first_of_the_run():
+    scene = beams(frames=14, **SLOW)
+    chosen, named = Simulation.prepare(scene), Simulation.prepare(with_solver(scene, "newton-multigrid"))
+    solved = list(chosen.solved)
+    assert [frame.index for frame in solved] == list(range(len(solved)))
+    assert choice.FEWEST_FRAMES < len(solved) < 14
+    substeps = []
+    frames = list(chosen.frames(on_substep=lambda substep, of: substeps.append(substep) or True))
+    assert frames[: len(solved)] == solved
+    assert len(substeps) == sum(frame.row["substeps"] for frame in frames[len(solved) :])
+    alone = list(named.frames())
+    assert len(frames) == len(alone) == 15
+    for one, other in zip(frames, alone, strict=True):
+        np.testing.assert_array_equal(one.state.x, other.state.x)
+        np.testing.assert_array_equal(one.state.v, other.state.v)
+        assert one.row["substeps"] == other.row["substeps"]
+    # Only once: who asks again has them solved.
+    again = next(chosen.frames())
+    assert again is not solved[0]
+    np.testing.assert_array_equal(again.state.x, solved[0].state.x)
 
 
 def test_a_pilot_may_be_given_up(monkeypatch):
     monkeypatch.setattr(choice, "MOST_PILOT_SHARE", 1e-3)
     found = Simulation.prepare(beams(frames=40, **SLOW)).choice
     assert (found.solver, found.newton_cost) == ("verlet", None)
+    assert sum(found.wasted_passes.values()) > 0.0
+    assert found.wasted_seconds > 0.0
 
 
 def test_what_a_pilot_expects():
@@ -82,7 +109,7 @@ def test_a_pilot_that_ends_early_counts_as_far_as_it_came(monkeypatch):
 
 
 def test_too_many_substeps(monkeypatch):
-    monkeypatch.setattr(choice, "_pilot", lambda simulation, most: None)
+    monkeypatch.setattr(choice, "_fly", lambda simulation, most: choice._Pilot([], None, Passes()))
     scene = beams(frames=1, **{f"bodies.{body}.E": 1e18 for body in range(4)})
     with pytest.raises(InputError, match="cannot be kept") as error:
         choose(scene, lambda candidate: Simulation.prepare(candidate))

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femgal.frame import Frame
 from femgal.scene.model import Scene
-from femgal.simulation import Frame, Simulation
+from femgal.simulation import Simulation
 from femgal.timestep.potential import eps18
 from meshes.errors import InputError
 from meshes.types import TetMesh

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femgal.failure import SolverFailure
+from femgal.frame import Frame
 from femgal.hierarchy.layer import free_parts
 from femgal.scene.model import Scene
-from femgal.simulation import Frame, Simulation
+from femgal.simulation import Simulation
 from femgal.timestep.control import AccuracyControl
 from femgal.timestep.implicit import ImplicitMethod
 from meshes.connectivity import component_labels
@@ -70,6 +71,8 @@ def run_motion(
     stages(None)
     if counted is not None:
         counted.forget()
+    # All frames are measured here, those of a pilot too.
+    simulation.solved.clear()
     motion = _Motion(simulation, counted)
     on_ready()
     motion.go()
@@ -130,7 +133,14 @@ class _Motion:
         counts: dict[str, Any] = {"cpu_seconds": cpu}
         if self.counted is not None:
             counts |= {"iterations": self.counted.iterations, "linear_iterations": self.counted.linear_iterations}
-        self.rows.append(frame.row | momenta(mass, frame.state.x, frame.state.v) | counts)
+        row = frame.row | momenta(mass, frame.state.x, frame.state.v) | counts
+        choice = self.simulation.choice
+        if frame.index == 1 and choice is not None and choice.wasted_passes is not None:
+            # A pilot that nothing came of is part of what the motion costs.
+            passes = {kind: n + choice.wasted_passes[kind] for kind, n in row["passes_by_kind"].items()}
+            row |= {"passes": sum(passes.values()), "passes_by_kind": passes}
+            row |= {clock: row[clock] + choice.wasted_seconds for clock in ("seconds", "cpu_seconds")}
+        self.rows.append(row)
 
     def numbers(self) -> dict[str, Any]:
         """JSON-ready."""
