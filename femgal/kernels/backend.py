@@ -74,6 +74,9 @@ class CycleOnDevice(Protocol):
     def solve(self, r: Floats) -> Floats:
         """One cycle for A x = r from zero, shape [k, 3]."""
 
+    def product(self, p: Floats) -> Floats:
+        """The finest matrix times p, shape [k, 3]; only where the cycle has levels beside the bottom."""
+
 
 class Prescribed(Protocol):
     """Prescribed motion of some vertices; the same as `femgal.timestep.state.Motion`."""

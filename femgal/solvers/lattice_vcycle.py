@@ -36,9 +36,9 @@ Floats = NDArray[np.float64]
 DENSE_WORK = 1e6
 MOST_DENSE = 1200
 
-# What making it anew and one cycle take, in gradient passes in float64: bunny of 20,000 and 100,000 vertices, one
-# thread. With 2,000 vertices these are 80 and 3.2, most of it the dense bottom.
-REFRESH, CYCLE = 37.0, 2.3
+# What making it anew, one cycle and one product take, in gradient passes in float64: bunny of 20,000 and 100,000
+# vertices, one thread. With 2,000 vertices the first two are 80 and 3.2, most of it the dense bottom.
+REFRESH, CYCLE, PRODUCT = 37.0, 2.3, 0.4
 
 # Degree of the bottom's polynomial where it is too large to be dense: many bodies that do not touch.
 BOTTOM_DEGREE = 8
@@ -58,16 +58,19 @@ class LatticeVCycle:
     backend : Bodies and threads; no element pass is made.
     degree : Of the Chebyshev polynomials before and after the coarser levels.
     precision : Of matrices and cycle.
+    most : Unknowns of a dense bottom, at most; what suits the size of the body where it is left out.
     """
 
     price = 10.0
     _on_device: CycleOnDevice | None = None
 
-    def __init__(self, backend: Backend, degree: int = 2, precision: Precision = "float32") -> None:
+    def __init__(
+        self, backend: Backend, degree: int = 2, precision: Precision = "float32", most: int | None = None
+    ) -> None:
         self._backend = backend
         self._assembly = HessianAssembly(backend.disc, precision, backend.threads)
         self._A = self._assembly.matrix()
-        most = most_dense(self._A.n_rows)
+        most = most_dense(self._A.n_rows) if most is None else most
         products = lattice_chain(backend.disc, self._A.pattern, most // 3, precision)
         matrices: list[BlockMatrix] = [self._A]
         for product in products:
@@ -105,3 +108,11 @@ class LatticeVCycle:
             return np.zeros_like(r)
         z = self._cycle.solve((r / size).astype(self._A.values.dtype))
         return size * z.astype(np.float64)
+
+    def product(self, p: Floats) -> Floats:
+        """The definite part of A at the last refresh, its entries rounded to the cycle's precision, times p [N]."""
+        self._backend.passes.matrix += PRODUCT
+        if self._on_device is not None and self._cycle.levels:
+            return self._on_device.product(p)
+        product: Floats = self._A.product(self._backend.to_host(p)).astype(np.float64, copy=False)
+        return self._backend.to_device(product)

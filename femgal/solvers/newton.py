@@ -20,13 +20,15 @@ spare line searches and the last look at the residual make a third fewer passes 
 drifted off by 30 % (bunny, 2,000 vertices).
 
 Where conjugate gradients meet negative curvature they begin again with the positive semi-definite part of every
-element's Hessian (Smith et al. 2019). A direction that was found without meeting it is one of descent whatever A is.
+element's Hessian (Smith et al. 2019): with the matrix of a preconditioner that assembles it, made anew at x, or without
+a matrix, where a product costs eight gradient passes. A direction that was found without meeting it is one of descent
+whatever A is.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +37,11 @@ from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Backend
 from femgal.solvers.extrapolation import expected_offset, with_acceleration
 from femgal.solvers.line_search import first_minimum
-from femgal.solvers.pcg import Solution, solve
-from femgal.solvers.preconditioner import Preconditioner
+from femgal.solvers.pcg import Map, Solution, solve
+from femgal.solvers.preconditioner import Assembled, Preconditioner
 from femgal.solvers.smoother import smooth
 from femgal.solvers.solver import Budget, Outcome, SolverState
-from femgal.solvers.upkeep import Upkeep
+from femgal.solvers.upkeep import Memory, Upkeep
 from femgal.timestep.potential import IncrementalPotential
 from femgal.timestep.state import MotionState
 
@@ -147,7 +149,7 @@ class Newton:
         backend, x = self.backend, state.x
         g = backend.nodal_gradient(backend.vertices, x, potential.xhat, potential.inverse_h2)
         memory = self._upkeep.make_ready(potential, x, state.recalled)
-        solution = self._solve(potential, x, g, self._share(state), state)
+        solution, memory = self._solve(potential, x, g, self._share(state), state, memory)
         start = state.start or solution.start
         if solution.iterations == 0:
             left = 0.0 if start == 0.0 else solution.start / start
@@ -175,30 +177,38 @@ class Newton:
         return self.reduction if state.start == 0.0 else None
 
     def _solve(
-        self, potential: IncrementalPotential, x: Floats, g: Floats, reduction: float | None, state: NewtonState
-    ) -> Solution:
+        self,
+        potential: IncrementalPotential,
+        x: Floats,
+        g: Floats,
+        reduction: float | None,
+        state: NewtonState,
+        memory: Memory,
+    ) -> tuple[Solution, Memory]:
         """Conjugate gradients on A d = -g, with the definite part of A where that turns out to be needed."""
         backend = self.backend
         b = backend.difference(backend.zeros(len(g)), g)
         if reduction is None:
             now = math.sqrt(max(0.0, backend.dot(b, self.preconditioner.apply(b))))
             if now <= self.reduction * state.start:
-                return Solution(backend.zeros(len(b)), 0, now, 1.0)
+                return Solution(backend.zeros(len(b)), 0, now, 1.0), memory
             # A little more than what is missing: the model is better now than at the start.
             reduction = min(0.5, 0.5 * self.reduction * state.start / now)
         reduction = max(LEAST_REDUCTION, reduction)
-        for definite in (False, True):
-            solution = solve(
-                backend,
-                lambda p, definite=definite: self._product(potential, x, p, definite=definite),  # type: ignore[misc]
-                self.preconditioner.apply,
-                b,
-                reduction,
-                self.linear_iterations,
-            )
-            if solution.curvature:
-                break
-        return solution
+        first = self._conjugate_gradients(lambda p: self._product(potential, x, p, definite=False), b, reduction)
+        if first.curvature:
+            return first, memory
+        if isinstance(self.preconditioner, Assembled):
+            # Making it anew takes as long as some four products with the definite part of every element.
+            memory = self._upkeep.renew(potential, x, memory)
+            solution = self._conjugate_gradients(self.preconditioner.product, b, reduction)
+        else:
+            solution = self._conjugate_gradients(lambda p: self._product(potential, x, p, definite=True), b, reduction)
+        # Residuals of one step are compared in one norm, that of the preconditioner it began with.
+        return replace(solution, start=first.start), memory
+
+    def _conjugate_gradients(self, product: Map, b: Floats, reduction: float) -> Solution:
+        return solve(self.backend, product, self.preconditioner.apply, b, reduction, self.linear_iterations)
 
     def _product(self, potential: IncrementalPotential, x: Floats, p: Floats, *, definite: bool) -> Floats:
         d = self.backend.zeros(len(x))

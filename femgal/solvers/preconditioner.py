@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,14 @@ class Preconditioner(Protocol):
 
     def apply(self, r: Floats) -> Floats:
         """z [m] for a residual r [N], rows of the free vertices, both shape [k, 3]."""
+
+
+@runtime_checkable
+class Assembled(Preconditioner, Protocol):
+    """A preconditioner that has the definite part of A as a matrix, which multiplies in a fraction of a pass."""
+
+    def product(self, p: Floats) -> Floats:
+        """The definite part of A at the last refresh, times p [N], rows of the free vertices, shape [k, 3]."""
 
 
 @dataclass(eq=False)

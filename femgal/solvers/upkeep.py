@@ -25,8 +25,9 @@ Memory = dict[str, NDArray]
 # Where it was made [m], shape [n, 3], and [factor of the mass 1/s^2, iterations when new, iterations lost since].
 PLACE, WEAR = "preconditioner/place", "preconditioner/wear"
 
-# It serves steps whose factor of the mass differs by this share: rounding of the step's length.
-SAME = 1e-6
+# It serves steps whose factor of the mass is within this ratio of its own: modes that the mass rules are corrected by
+# so much too little or too much, which an iteration makes good. Longer and shorter steps have it made anew.
+WITHIN = 2.5
 
 
 @dataclass(eq=False)
@@ -43,7 +44,7 @@ class Upkeep:
     _factor: float = field(default=0.0, init=False, repr=False)
 
     def make_ready(self, potential: IncrementalPotential, x: Floats, memory: Memory) -> Memory:
-        """The preconditioner that this memory knows of, or one made at x where that is worn out or of other steps.
+        """The preconditioner that this memory knows of, or one made at x where that is worn out or of far other steps.
 
         Returns
         -------
@@ -52,10 +53,20 @@ class Upkeep:
         factor = potential.inverse_h2
         if WEAR in memory:
             made_for, _, lost = memory[WEAR]
-            if abs(made_for - factor) <= SAME * factor and lost < self.preconditioner.price:
+            if 1.0 / WITHIN <= made_for / factor <= WITHIN and lost < self.preconditioner.price:
                 self._make(potential, memory[PLACE], made_for)
                 return memory
-        place = potential.backend.copy(x)
+        return self._anew(potential, x, memory)
+
+    def renew(self, potential: IncrementalPotential, x: Floats, memory: Memory) -> Memory:
+        """The preconditioner made at x, whatever it has cost so far."""
+        backend = potential.backend
+        if float(backend.largest(backend.difference(memory[PLACE], x))) == 0.0:
+            return memory
+        return self._anew(potential, x, memory)
+
+    def _anew(self, potential: IncrementalPotential, x: Floats, memory: Memory) -> Memory:
+        place, factor = potential.backend.copy(x), potential.inverse_h2
         self._make(potential, place, factor)
         return memory | {PLACE: place, WEAR: np.array([factor, 0.0, 0.0])}
 

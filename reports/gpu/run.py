@@ -22,8 +22,9 @@ FOLDER = Path(__file__).resolve().parent
 ACCEPTED = {"float64": (1e-9, 1e-8), "float32": (1e-4, 1e-4)}
 
 
-# Largest differences of single passes.
+# Largest differences of single passes, and of V-cycles, which are single precision on the host.
 OF_PASSES = {"float64": 1e-12, "float32": 2e-5}
+OF_CYCLES = 1e-5
 
 
 def page(found: dict[str, Any]) -> str:
@@ -59,6 +60,8 @@ def _passes(part: dict[str, Any]) -> Iterator[str]:
     for precision, result in part.items():
         name, size = max(result["differences"].items(), key=lambda item: item[1])
         yield _row(f"{len(result['differences'])} passes, worst {name}", precision, size, OF_PASSES[precision])
+        for what, difference in result["cycles"].items():
+            yield _row(what, precision, difference, OF_CYCLES)
         yield f"| the same bits again | {precision} | | | {'yes' if result['repeats'] else 'NO'} |"
 
 

@@ -7,7 +7,8 @@
    stiff, heavy and light, at rest and deformed; block Jacobi needs ten times as many where the step is long.
 3. Free bodies, several of them, slivers, a mesh without a coarse level, one free vertex: all work.
 4. A refresh makes exactly what a new preconditioner would, but for the eigenvalue estimate.
-5. The size of the residual does not matter, zero gives zero, and threads change no bit.
+5. The product with its finest matrix is that of the backend with the definite part of every element.
+6. The size of the residual does not matter, zero gives zero, and threads change no bit.
 """
 
 from __future__ import annotations
@@ -75,6 +76,19 @@ def test_symmetric_and_definite(precision):
     scale = np.sqrt((z * M.apply(z)).sum() * (w * M.apply(w)).sum())
     assert abs(one - other) <= {"float32": 1e-5, "float64": 1e-12}[precision] * scale
     assert (z * M.apply(z)).sum() > 0.0
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("disc", [HELD, uniform(distorted_box((2, 2, 2)), E=1e7)], ids=["levels", "bottom alone"])
+def test_its_product_is_that_of_the_definite_part(disc, precision):
+    phi, x = potential(disc), bent(disc.mesh)
+    M, p = refreshed(phi, x, precision=precision), rng(442).standard_normal((int(disc.free.sum()), 3))
+    d = np.zeros_like(x)
+    d[disc.free] = p
+    expected = phi.backend.nodal_product(phi.backend.vertices, x, d, phi.inverse_h2, definite=True)
+    np.testing.assert_allclose(
+        M.product(p), expected, rtol=0, atol={"float32": 1e-6, "float64": 1e-12}[precision] * np.abs(expected).max()
+    )
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -2,7 +2,8 @@
 """Every pass of the CUDA backend beside the plain one, on a GPU or in the simulator.
 
 `python -m verify.gpu.passes PRECISION HELD [rare]` prints the differences as JSON: PRECISION of the passes, HELD the
-share of the body that is held, with `rare` also the passes that the simulator is slow to compile.
+share of the body that is held, with `rare` also the passes that the simulator is slow to compile and V-cycles, which
+are single precision on the host and so a list of their own.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from femgal.hierarchy.hierarchy import build_constant_hierarchy
 from femgal.hierarchy.layer import Layer
 from femgal.kernels.backend import Precision
 from femgal.kernels.plain.backend import PlainBackend
+from femgal.solvers.lattice_vcycle import LatticeVCycle
+from femgal.timestep.potential import IncrementalPotential
 from verify.problems.bodies import distorted_box, left_end, linear_layer, positions, rng, varied
 
 INVERSE_H2 = 1e4
@@ -64,6 +67,20 @@ class Pair:
         definite = plain.hessian_product(x, self.d, definite=True)
         yield "definite product", self.difference(cuda.hessian_product(own_x, own_d, definite=True), definite)
         yield "von Mises", self.difference(cuda.von_mises(own_x), plain.von_mises(x))
+
+    def cycles(self) -> Iterator[tuple[str, float]]:
+        """V-cycles with levels above a dense bottom, and above one that is smoothed."""
+        r = self.plain.restrict(self.plain.vertices, self.d)
+        for name, most in (("dense bottom", 100), ("smoothed bottom", 3)):
+            results = []
+            for backend in (self.plain, self.cuda):
+                x, own_r = backend.to_device(self.x), backend.to_device(r)
+                cycle = LatticeVCycle(backend, most=most)
+                cycle.refresh(IncrementalPotential(backend, x, INVERSE_H2**-0.5), x)
+                results.append((cycle.apply(own_r), cycle.product(own_r)))
+            (z, p), (own_z, own_p) = results
+            yield f"cycle, {name}", self.difference(own_z, z)
+            yield f"product, {name}", self.difference(own_p, p)
 
     def layer(self, layer: Layer) -> Iterator[tuple[str, float]]:
         """Passes of one layer."""
@@ -144,7 +161,8 @@ def differences(
     spoilt = pair.x.copy()
     spoilt[17, 1] = np.nan
     finite = [pair.cuda.is_finite(pair.cuda.to_device(array)) for array in (pair.x, spoilt)]
-    return {"differences": found, "finite": finite, "repeats": pair.repeats()}
+    cycles = dict(pair.cycles()) if rare else {}
+    return {"differences": found, "cycles": cycles, "finite": finite, "repeats": pair.repeats()}
 
 
 if __name__ == "__main__":

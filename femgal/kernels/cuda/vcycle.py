@@ -77,6 +77,13 @@ class DeviceLevel:
             x, before = out, d
         return x
 
+    def product(self, x: Floats) -> Floats:
+        """A x, an array of its own."""
+        nothing = self._work.zeros(self.n_rows)
+        out = self._work.zeros(self.n_rows)
+        self._work.add_scaled(out, -1.0, self.residual(nothing, x))
+        return out
+
     def residual(self, r: Floats, x: Floats) -> Floats:
         """r - A x."""
         out = self._work.pool.take(r.shape)
@@ -123,6 +130,10 @@ class DeviceCycle:
         """Send what the host's cycle has now."""
         for level in (*self._levels, self._bottom):
             level.refresh()
+
+    def product(self, p: Floats) -> Floats:
+        """The finest matrix times p."""
+        return self._levels[0].product(p)
 
     def solve(self, r: Floats, number: int = 0) -> Floats:
         """One cycle for A x = r from zero, on a level and all below it."""
