@@ -4,7 +4,8 @@
 1. It ends at a stationary point whose Hessian is positive definite, from near and from far.
 2. The value falls in every step.
 3. solve_definite gives the solution of a definite system, and a descent direction of an indefinite one.
-4. backtrack takes the full step where that is good, and a shorter one where it is not.
+4. backtrack takes the full step where that is good, and a shorter one where it is not; motions so small that rounding
+   hides their energy end as well.
 5. Nothing that production's potential says of h or of masses reaches the minimiser; no end is an error.
 """
 
@@ -42,6 +43,16 @@ def test_minimiser(size):
     for salt in range(20):
         d = DISC.free[:, None] * rng(322 + salt).standard_normal(MESH.points.shape)
         assert (d * phi.hessian_product(state.x, d)).sum() > 0.0
+
+
+@pytest.mark.parametrize("size", [1e-7, 1e-9, 1e-11])
+def test_minimiser_of_a_motion_whose_energy_drowns_in_rounding(size):
+    # A stiff body: 1 / h^2 is no help, and terms of 3 mu / 2 cancel in its energy.
+    stiff = replace(DISC, mu=1e4 * DISC.mu, lam=1e4 * DISC.lam)
+    newton = StepMinimiser(MESH, stiff.mu, stiff.lam, stiff.mass, stiff.free)
+    xhat = MESH.points + size * DISC.free[:, None] * rng(323).standard_normal(MESH.points.shape)
+    moved = np.abs(newton(xhat, 1.0) - MESH.points).max()
+    assert 0.0 < moved < size
 
 
 def test_solve_definite():

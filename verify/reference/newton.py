@@ -95,7 +95,7 @@ class StepMinimiser:
         d = np.zeros_like(x)
         d.ravel()[at] = -solve_definite(A, g)
         whole = float(np.abs(d).max())
-        t = 1.0 if self.ends(whole) else backtrack(value, float(g @ d.ravel()[at]))
+        t = 1.0 if self.ends(whole) else backtrack(value, float(g @ d.ravel()[at]), self.elasticity.rounding)
         return x + t * d, whole
 
 
@@ -161,10 +161,15 @@ def _factorise(A: sp.csr_matrix) -> spla.SuperLU:
     return spla.splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
-def backtrack(value: Callable[[float], float], slope: float) -> float:
-    """Largest of 1, 1/2, 1/4, ... that decreases `value` by a fair share of what its slope (< 0) at 0 promises."""
+def backtrack(value: Callable[[float], float], slope: float, rounding: float = 0.0) -> float:
+    """Largest of 1, 1/2, 1/4, ... that decreases `value` by a fair share of what its slope (< 0) at 0 promises.
+
+    Parameters
+    ----------
+    rounding : What `value` may be wrong by, beside its own rounding; 1 where the slope promises no more.
+    """
     start = value(0.0)
-    if abs(slope) <= _ROUNDING * abs(start):
+    if abs(slope) <= _ROUNDING * abs(start) + rounding:
         return 1.0
     t = 1.0
     while value(t) > start + _SUFFICIENT * t * slope and t > 1e-9:
