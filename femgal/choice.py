@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,7 +72,7 @@ class Choice:
     newton_cost : What a frame of newton-multigrid costs in the same unit; None where no pilot was needed or it was
         given up.
     wasted_passes : Element passes of a pilot that nothing came of, by kind; None where there was none.
-    wasted_seconds : CPU time of it [s].
+    wasted_seconds, wasted_cpu_seconds : Wall time of it, and CPU time of all threads [s].
     """
 
     solver: str
@@ -82,6 +82,7 @@ class Choice:
     newton_cost: float | None = None
     wasted_passes: dict[str, float] | None = None
     wasted_seconds: float = field(default=0.0, compare=False)
+    wasted_cpu_seconds: float = field(default=0.0, compare=False)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-ready."""
@@ -115,17 +116,19 @@ def choose(scene: Scene, assemble: Assemble) -> Simulation:
         return explicit
     implicit = assemble(with_solver(scene, "newton-multigrid"))
     implicit.compile()
-    began = time.process_time()
+    began = time.perf_counter(), time.process_time()
     pilot = _fly(implicit, MOST_PILOT_SHARE * scene.frames * substeps)
     if pilot.cost is None or pilot.cost >= substeps:
         _check_substeps(scene, substeps)
         other = "newton-multigrid needs more" if pilot.cost is None else f"newton-multigrid costs {pilot.cost:.0f}"
         reason = f"{substeps} substeps a frame; {other}"
-        wasted = time.process_time() - began
-        explicit.choice = Choice("verlet", substeps, reason, substeps, pilot.cost, pilot.passes.as_dict(), wasted)
+        seconds = time.perf_counter() - began[0], time.process_time() - began[1]
+        explicit.choice = Choice("verlet", substeps, reason, substeps, pilot.cost, pilot.passes.as_dict(), *seconds)
         return explicit
     reason = f"a frame costs as much as {pilot.cost:.0f} substeps of verlet, which needs {substeps}"
-    implicit.choice = Choice("newton-multigrid", pilot.frames[1].row["substeps"], reason, substeps, pilot.cost)
+    begin = int(pilot.frames[1].row["substeps"])
+    implicit.choice = Choice("newton-multigrid", begin, reason, substeps, pilot.cost)
+    implicit.plan = replace(implicit.plan, substeps=begin)
     implicit.solved = pilot.frames
     return implicit
 
@@ -173,11 +176,11 @@ def _fly(simulation: Simulation, most: float) -> _Pilot:
             before, cost = cost, expected_cost(rows, simulation.scene.frames, simulation.scene.solver.accuracy or 1.0)
             if frame.index >= FEWEST_FRAMES and (cost > STILL_FALLING * before or frame.index >= MOST_FRAMES):
                 break
-    except SolverFailure:
-        return _Pilot(frames, None, passes)
-    except Stopped:
-        # What its frames let expect still counts; without one, Newton's method is too dear for certain.
+    except (SolverFailure, Stopped) as end:
         passes.add(simulation.backend.passes)
+        if isinstance(end, SolverFailure):
+            return _Pilot(frames, None, passes)
+        # What its frames let expect still counts; without one, Newton's method is too dear for certain.
     return _Pilot(frames, cost if len(frames) > 1 else None, passes)
 
 

@@ -82,8 +82,9 @@ class EnergyGuard:
         self.last: Energies | None = None
 
     def begin(self, energies: Energies) -> None:
-        """Take the energies at the start of the run as the reference."""
-        self.start = energies
+        """Take the energies at the start of the run as the reference, and forget what was before."""
+        self.start, self.last = energies, None
+        self.injected = self._pending = 0.0
 
     def memory(self) -> dict[str, Any]:
         """What a checkpoint has to keep, JSON-ready."""

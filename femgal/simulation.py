@@ -227,8 +227,10 @@ class Simulation:
         """
         solved, self.solved = self.solved, []
         if resume is None and solved:
-            yield from solved
             resume = (solved[-1].index, solved[-1].state, solved[-1].guard)
+            while solved:
+                # Frames that have been handed on are let go, with what they hold of a device.
+                yield solved.pop(0)
         if resume is None:
             state, first = self.start(), 1
             frame, energies = self._measure(0, state)

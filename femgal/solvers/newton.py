@@ -28,7 +28,7 @@ whatever A is.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,8 +149,8 @@ class Newton:
         backend, x = self.backend, state.x
         g = backend.nodal_gradient(backend.vertices, x, potential.xhat, potential.inverse_h2)
         memory = self._upkeep.make_ready(potential, x, state.recalled)
-        solution, memory = self._solve(potential, x, g, self._share(state), state, memory)
-        start = state.start or solution.start
+        solution, start, memory = self._solve(potential, x, g, self._share(state), state, memory)
+        start = start or solution.start
         if solution.iterations == 0:
             left = 0.0 if start == 0.0 else solution.start / start
             return NewtonState(x, state.iteration + 1, (0.0,), None, memory, start, left, measured=True)
@@ -184,28 +184,34 @@ class Newton:
         reduction: float | None,
         state: NewtonState,
         memory: Memory,
-    ) -> tuple[Solution, Memory]:
-        """Conjugate gradients on A d = -g, with the definite part of A where that turns out to be needed."""
+    ) -> tuple[Solution, float, Memory]:
+        """Conjugate gradients on A d = -g, with the definite part of A where that turns out to be needed.
+
+        Returns
+        -------
+        solution, memory
+        start : Residual at the first iterate, in the norm of the preconditioner there is now; 0 where this is it.
+        """
         backend = self.backend
         b = backend.difference(backend.zeros(len(g)), g)
         if reduction is None:
             now = math.sqrt(max(0.0, backend.dot(b, self.preconditioner.apply(b))))
             if now <= self.reduction * state.start:
-                return Solution(backend.zeros(len(b)), 0, now, 1.0), memory
+                return Solution(backend.zeros(len(b)), 0, now, 1.0), state.start, memory
             # A little more than what is missing: the model is better now than at the start.
             reduction = min(0.5, 0.5 * self.reduction * state.start / now)
         reduction = max(LEAST_REDUCTION, reduction)
         first = self._conjugate_gradients(lambda p: self._product(potential, x, p, definite=False), b, reduction)
         if first.curvature:
-            return first, memory
+            return first, state.start, memory
         if isinstance(self.preconditioner, Assembled):
             # Making it anew takes as long as some four products with the definite part of every element.
             memory = self._upkeep.renew(potential, x, memory)
             solution = self._conjugate_gradients(self.preconditioner.product, b, reduction)
         else:
             solution = self._conjugate_gradients(lambda p: self._product(potential, x, p, definite=True), b, reduction)
-        # Residuals of one step are compared in one norm, that of the preconditioner it began with.
-        return replace(solution, start=first.start), memory
+        # Residuals of one step are compared in one norm, that of the preconditioner there is now.
+        return solution, state.start * (solution.start / first.start if first.start > 0.0 else 1.0), memory
 
     def _conjugate_gradients(self, product: Map, b: Floats, reduction: float) -> Solution:
         return solve(self.backend, product, self.preconditioner.apply, b, reduction, self.linear_iterations)

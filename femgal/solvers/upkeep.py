@@ -29,6 +29,9 @@ PLACE, WEAR = "preconditioner/place", "preconditioner/wear"
 # so much too little or too much, which an iteration makes good. Longer and shorter steps have it made anew.
 WITHIN = 2.5
 
+# Factors of the mass that differ by this share differ by the rounding of the step's length.
+SAME = 1e-6
+
 
 @dataclass(eq=False)
 class Upkeep:
@@ -59,9 +62,10 @@ class Upkeep:
         return self._anew(potential, x, memory)
 
     def renew(self, potential: IncrementalPotential, x: Floats, memory: Memory) -> Memory:
-        """The preconditioner made at x, whatever it has cost so far."""
+        """The preconditioner made at x for these steps, whatever it has cost so far."""
         backend = potential.backend
-        if float(backend.largest(backend.difference(memory[PLACE], x))) == 0.0:
+        same = abs(float(memory[WEAR][0]) - potential.inverse_h2) <= SAME * potential.inverse_h2
+        if same and float(backend.largest(backend.difference(memory[PLACE], x))) == 0.0:
             return memory
         return self._anew(potential, x, memory)
 

@@ -58,9 +58,9 @@ LEAST_HORIZON, HORIZON, BEYOND = 20, 4, 0.1
 # p, and what is left of the weight of a frame in the next one.
 POWER, FADING = 1.75, 0.8
 
-# A motion that begins at rest has u ~ t^2, steepness 2; what is steeper is something else. Flatter than the second, a
-# swing has more than its mean square behind it.
-STEEPEST, SWINGING = 2.2, 1.3
+# A motion that begins at rest has u ~ t^2, steepness 2; what is steeper is something else. At the second, |u|^2 of a
+# swing is its mean, 1 - cos theta = sqrt(1.5).
+STEEPEST, SWINGING = 2.2, 1.432
 _THETA = np.linspace(1e-2, math.pi, 1000)
 
 # A frame is taken again when it should have had so many times its substeps and has spent so much of G; at most so
@@ -139,7 +139,7 @@ class AccuracyControl:
         """State at time zero."""
         state = self.stepper.init(x0, v0)
         own = {"start": self.backend.copy(state.x), "sums": np.zeros(2), "frame": np.zeros(1, np.int64)}
-        own |= {"substeps": np.array([self.substeps]), "G": np.zeros(1), "growth": np.zeros(2)}
+        own |= {"substeps": np.array([self.substeps]), "G": np.zeros(1), "growth_sums": np.zeros(2)}
         return _with(state, own | self.estimator.init(state))
 
     def begin_frame(self, state: MotionState, duration: float, substeps: int | None = None) -> tuple[MotionState, int]:
@@ -173,7 +173,7 @@ class AccuracyControl:
         G, left = G_before + substeps**-2.0, self._left(frame)
         steepness = frame * duration * _inner(self.backend.disc.mass, u, v) / now[1] if now[1] > 0.0 else 0.0
         # Both sums of g, and the sum of |x - x_0|^2 at the end.
-        growth = FADING * own["growth"] + np.array([now[0], G**POWER])
+        growth = FADING * own["growth_sums"] + np.array([now[0], G**POWER])
         g = float(growth[0] / growth[1])
         moved = float(sums[1] + max(left * sums[1] / frame, now[1] * size_ahead(steepness, frame, left)))
         factor = self._needed(float(own["sums"][0]), moved, g, G_before, left + 1) / substeps
@@ -183,7 +183,7 @@ class AccuracyControl:
             return state, self._asked
         after = self._next(self._needed(float(sums[0]), moved, g, G, left) / substeps, substeps)
         memory |= {"start": own["start"], "sums": sums, "frame": np.array([frame]), "substeps": np.array([after])}
-        return _with(state, memory | {"G": np.array([G]), "growth": growth}), None
+        return _with(state, memory | {"G": np.array([G]), "growth_sums": growth}), None
 
     def _left(self, frame: int) -> int:
         """Frames after one that are looked ahead."""
@@ -200,8 +200,8 @@ class AccuracyControl:
         G : Sum of S^-2 so far.
         frames : That are left.
         """
-        if g == 0.0:
-            return 0.0
+        if g == 0.0 or not math.isfinite(g):
+            return g
         j = np.arange(1, frames + 1)
         for_sure = spent + frames * g * G**POWER
         most = max((AIM * self.accuracy) ** 2 * moved, (1.0 + LEAST_GROWTH) * for_sure)
@@ -246,7 +246,8 @@ def size_ahead(steepness: float, frame: int, left: int) -> float:
     At present |u| grows like t^s, s = t (u . v) / |u|^2 its steepness. It is led on halfway between that and its
     present size: |u|^2 like t^s. What has been at rest and swings about its equilibrium moves like
     u = A (1 - cos theta), theta = omega t; s = theta / tan(theta / 2) then tells theta, so A, and |u|^2 is not led on
-    beyond its mean, 1.5 A^2. What moves back is expected to stay as large as it is.
+    beyond its mean, 1.5 A^2. Beyond the middle of its way out it cannot be told from one that moves evenly, and is led
+    on like that.
 
     Parameters
     ----------
@@ -255,11 +256,13 @@ def size_ahead(steepness: float, frame: int, left: int) -> float:
     left : Frames to come.
     """
     s = float(np.clip(steepness, 0.0, 2.0)) if steepness <= STEEPEST else 0.0
-    ahead = (1.0 + np.arange(1, left + 1) / frame) ** s
+    along = 1.0 + np.arange(1, left + 1) / frame
     if s > SWINGING:
         theta = float(np.interp(-s, -_THETA / np.tan(0.5 * _THETA), _THETA))
-        ahead = np.minimum(ahead, max(1.0, 1.5 / (1.0 - math.cos(theta)) ** 2))
-    return float(ahead.sum())
+        return float(np.minimum(along**s, max(1.0, 1.5 / (1.0 - math.cos(theta)) ** 2)).sum())
+    # Where a swing would have its mean behind it, nothing is led on; even motion, s = 1, is led on in full.
+    fading = min(1.0, (SWINGING - s) / (SWINGING - 1.0))
+    return float((along ** (s * fading)).sum())
 
 
 def _inner(mass: Floats, u: Floats, v: Floats) -> float:

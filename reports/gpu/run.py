@@ -60,7 +60,7 @@ def _passes(part: dict[str, Any]) -> Iterator[str]:
     for precision, result in part.items():
         name, size = max(result["differences"].items(), key=lambda item: item[1])
         yield _row(f"{len(result['differences'])} passes, worst {name}", precision, size, OF_PASSES[precision])
-        for what, difference in result["cycles"].items():
+        for what, difference in result.get("cycles", {}).items():
             yield _row(what, precision, difference, OF_CYCLES)
         yield f"| the same bits again | {precision} | | | {'yes' if result['repeats'] else 'NO'} |"
 

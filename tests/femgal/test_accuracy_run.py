@@ -2,7 +2,7 @@
 """Runs with an accuracy.
 
 1. A run that was stopped and resumed ends bit for bit like one that was not, with each of the controlled solvers,
-   given by name or chosen; the sums of its control are in the checkpoint.
+   given by name or chosen; the sums of its control are in the checkpoint. Nor does it matter where a pilot ended.
 2. The log says what was asked for, what was chosen, and each frame's estimated error; the command says them at the end.
 3. An accuracy that is not kept is said not to be.
 """
@@ -19,6 +19,7 @@ from click.testing import CliRunner
 from femgal.cli import main
 from femgal.runner import Progress, run
 from tests.femgal.scenes import hanging_beam, hanging_beam_text
+from tests.femgal.test_choice import SLOW, beams
 
 
 class StopAt(Progress):
@@ -46,6 +47,20 @@ def test_resumed_bit_for_bit(tmp_path, solver):
     for name, array in whole.state.memory.items():
         np.testing.assert_array_equal(array, resumed.state.memory[name])
     assert 0.0 < whole.estimated_error == resumed.estimated_error <= 0.02
+
+
+@pytest.mark.parametrize("stop", [2, 7])
+def test_resumed_among_the_frames_of_a_pilot_and_after_them(tmp_path, stop):
+    scene = beams(frames=10, **SLOW)
+    whole = run(scene, tmp_path / "whole")
+    assert whole.simulation.scene.solver.name == "newton-multigrid"
+    with pytest.raises(KeyboardInterrupt):
+        run(scene, tmp_path / "parts", progress=StopAt(stop))
+    resumed = run(tmp_path / "parts" / "scene.toml", tmp_path / "parts", resume=True)
+    np.testing.assert_array_equal(whole.state.x, resumed.state.x)
+    np.testing.assert_array_equal(whole.state.v, resumed.state.v)
+    for name, array in whole.state.memory.items():
+        np.testing.assert_array_equal(array, resumed.state.memory[name])
 
 
 def test_what_a_run_says(tmp_path):

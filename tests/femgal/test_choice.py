@@ -71,10 +71,13 @@ def test_the_frames_of_a_pilot_are_the_first_of_the_run():
         np.testing.assert_array_equal(one.state.x, other.state.x)
         np.testing.assert_array_equal(one.state.v, other.state.v)
         assert one.row["substeps"] == other.row["substeps"]
-    # Only once: who asks again has them solved.
-    again = next(chosen.frames())
-    assert again is not solved[0]
-    np.testing.assert_array_equal(again.state.x, solved[0].state.x)
+        assert one.guard == other.guard
+    assert chosen.plan.substeps == chosen.choice.substeps == solved[1].row["substeps"]
+    # Only once: who asks again has them solved, by the same simulation.
+    for again, one in zip(chosen.frames(), solved, strict=False):
+        assert again is not one
+        np.testing.assert_array_equal(again.state.x, one.state.x)
+        assert again.guard == one.guard
 
 
 def test_a_pilot_may_be_given_up(monkeypatch):
@@ -83,6 +86,13 @@ def test_a_pilot_may_be_given_up(monkeypatch):
     assert (found.solver, found.newton_cost) == ("verlet", None)
     assert sum(found.wasted_passes.values()) > 0.0
     assert found.wasted_seconds > 0.0
+
+
+def test_a_pilot_that_fails_has_cost_what_it_took(monkeypatch):
+    monkeypatch.setattr("femgal.diagnostics.EnergyGuard.complaint", lambda self, energies: "too much")
+    found = Simulation.prepare(beams(frames=40, **SLOW)).choice
+    assert (found.solver, found.newton_cost) == ("verlet", None)
+    assert sum(found.wasted_passes.values()) > 0.0
 
 
 def test_what_a_pilot_expects():

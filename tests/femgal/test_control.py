@@ -192,6 +192,8 @@ def test_what_other_motions_are_still_gathering():
     # |u|^2 like t where |u| grows like t: halfway between that and staying as it is.
     assert size_ahead(1.0, 1, 19) == pytest.approx(sum(range(2, 21)))
     assert size_ahead(1.0, 10, 20) == pytest.approx(sum(k / 10 for k in range(11, 31)))
+    # No step where one rule takes over from the other.
+    assert size_ahead(SWINGING - 1e-6, 2, 19) == pytest.approx(size_ahead(SWINGING + 1e-6, 2, 19), rel=0.01)
     for steepness in (0.0, -3.0, 5.0, math.inf, math.nan):
         assert size_ahead(steepness, 2, 19) == 19.0
 
@@ -202,3 +204,10 @@ def test_steady_growth_is_met_with_nearly_equal_substeps():
     best = math.sqrt(5.0 / math.sqrt(13.0) / 0.01)
     assert best < np.mean(taken) < 1.2 * best
     assert max(taken) < 2.0 * best
+
+
+def test_an_estimate_that_is_no_number_changes_no_substeps():
+    method = control(Known(floor=math.nan), substeps=8)
+    frames = run(method, 4)
+    assert [substeps for substeps, _ in frames] == [8, 8, 8, 8]
+    assert math.isnan(method.estimated_error(frames[-1][1]))

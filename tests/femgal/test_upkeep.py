@@ -5,7 +5,7 @@
    there are when it is new.
 2. Another step length makes it anew where the factor of the mass is far from its own, at the positions of then; damping
    changes that factor as a step does. Steps that differ little share it.
-3. It is made anew on demand, unless that is where it was made.
+3. It is made anew on demand, unless that is where and what it was made for.
 4. What serves a memory is what was made where the memory says, also for an object that has never seen that motion.
 """
 
@@ -81,8 +81,10 @@ def test_made_anew_on_demand():
     upkeep = Upkeep(made)
     memory = upkeep.note(5, upkeep.make_ready(potential(), X, {}))
     assert upkeep.renew(potential(), X.copy(), memory) is memory
-    memory = upkeep.renew(potential(), X + 1, memory)
-    assert [at - X[0, 0] for at, _ in made.made] == [0.0, 1.0]
+    memory = upkeep.renew(potential(0.012), X.copy(), memory)
+    assert made.made[1] == (X[0, 0], pytest.approx(potential(0.012).inverse_h2))
+    memory = upkeep.renew(potential(0.012), X + 1, memory)
+    assert [at - X[0, 0] for at, _ in made.made] == [0.0, 0.0, 1.0]
     assert np.array_equal(memory[PLACE], X + 1)
     assert memory[WEAR][1:].tolist() == [0.0, 0.0]
 

@@ -139,7 +139,8 @@ class _Motion:
             # A pilot that nothing came of is part of what the motion costs.
             passes = {kind: n + choice.wasted_passes[kind] for kind, n in row["passes_by_kind"].items()}
             row |= {"passes": sum(passes.values()), "passes_by_kind": passes}
-            row |= {clock: row[clock] + choice.wasted_seconds for clock in ("seconds", "cpu_seconds")}
+            row["seconds"] += choice.wasted_seconds
+            row["cpu_seconds"] += choice.wasted_cpu_seconds
         self.rows.append(row)
 
     def numbers(self) -> dict[str, Any]:
