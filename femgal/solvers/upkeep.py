@@ -25,11 +25,10 @@ Memory = dict[str, NDArray]
 # Where it was made [m], shape [n, 3], and [factor of the mass 1/s^2, iterations when new, iterations lost since].
 PLACE, WEAR = "preconditioner/place", "preconditioner/wear"
 
-# It serves steps whose factor of the mass is within this ratio of its own: modes that the mass rules are corrected by
-# so much too little or too much, which an iteration makes good. Longer and shorter steps have it made anew.
-WITHIN = 2.5
-
-# Factors of the mass that differ by this share differ by the rounding of the step's length.
+# It serves steps whose factor of the mass differs by this share: rounding of the step's length. Tried and dropped: to
+# share it among steps that differ by up to 1.6 times. That makes a few per cent fewer passes, but a factor that is too
+# large lets the residuals of slow modes look small: a bunny under control erred by twice as much, which its estimate
+# did not see.
 SAME = 1e-6
 
 
@@ -47,7 +46,7 @@ class Upkeep:
     _factor: float = field(default=0.0, init=False, repr=False)
 
     def make_ready(self, potential: IncrementalPotential, x: Floats, memory: Memory) -> Memory:
-        """The preconditioner that this memory knows of, or one made at x where that is worn out or of far other steps.
+        """The preconditioner that this memory knows of, or one made at x where that is worn out or of other steps.
 
         Returns
         -------
@@ -56,7 +55,7 @@ class Upkeep:
         factor = potential.inverse_h2
         if WEAR in memory:
             made_for, _, lost = memory[WEAR]
-            if 1.0 / WITHIN <= made_for / factor <= WITHIN and lost < self.preconditioner.price:
+            if abs(made_for - factor) <= SAME * factor and lost < self.preconditioner.price:
                 self._make(potential, memory[PLACE], made_for)
                 return memory
         return self._anew(potential, x, memory)

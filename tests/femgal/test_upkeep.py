@@ -3,8 +3,7 @@
 
 1. It is made once, and again when the iterations lost add up to its price; the first system after that says how many
    there are when it is new.
-2. Another step length makes it anew where the factor of the mass is far from its own, at the positions of then; damping
-   changes that factor as a step does. Steps that differ little share it.
+2. Another step length makes it anew, at the positions of then; damping changes the factor of the mass as a step does.
 3. It is made anew on demand, unless that is where and what it was made for.
 4. What serves a memory is what was made where the memory says, also for an object that has never seen that motion.
 """
@@ -54,7 +53,7 @@ def test_made_anew_when_the_loss_is_its_price():
     assert np.array_equal(memory[PLACE], X + 4)
 
 
-@pytest.mark.parametrize("other", [potential(0.02), potential(0.006), potential(0.01, 2.6)])
+@pytest.mark.parametrize("other", [potential(0.02), potential(0.01, 1.1)])
 def test_steps_of_another_length(other):
     made = Recorder()
     upkeep = Upkeep(made)
@@ -62,18 +61,6 @@ def test_steps_of_another_length(other):
     upkeep.make_ready(other, X + 1, upkeep.make_ready(potential(), X + 1, memory))
     assert [at - X[0, 0] for at, _ in made.made] == [0.0, 1.0]
     np.testing.assert_allclose([factor for _, factor in made.made], [1e4, other.inverse_h2], rtol=1e-12)
-
-
-@pytest.mark.parametrize("other", [potential(0.012), potential(0.0071), potential(0.01, 1.1)])
-def test_steps_of_nearly_the_same_length(other):
-    made = Recorder()
-    upkeep = Upkeep(made)
-    memory = upkeep.make_ready(other, X + 1, upkeep.make_ready(potential(), X, {}))
-    assert made.made == [(X[0, 0], pytest.approx(1e4))]
-    # What it has lost there counts as well.
-    memory = upkeep.note(9, upkeep.make_ready(other, X + 1, upkeep.note(4, memory)))
-    upkeep.make_ready(other, X + 2, memory)
-    assert made.made[1:] == [(X[0, 0] + 2, pytest.approx(other.inverse_h2))]
 
 
 def test_made_anew_on_demand():
