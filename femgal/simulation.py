@@ -34,6 +34,9 @@ from femgal.timestep.state import MotionState, TimeStepper
 
 Floats = NDArray[np.float64]
 
+# Raised when the memory of a state changes its names or their meaning: checkpoints of before are refused.
+MEMORY_FORMAT = 2
+
 # A frame that its method rejects is taken again with more substeps, at most so often.
 MOST_RETAKES = 8
 
@@ -166,7 +169,7 @@ class Simulation:
 
         left_out: Any = {"name": True, "description": True, "frames": True, "output": True, "solver": {"threads"}}
         settings = self.scene.model_dump(mode="json", exclude=left_out | {"bodies": {"__all__": {"mesh"}}})
-        text = f"{__version__} {self.world.mesh.content_hash} {sorted(settings.items())}"
+        text = f"{__version__} {MEMORY_FORMAT} {self.world.mesh.content_hash} {sorted(settings.items())}"
         return hashlib.sha256(text.encode()).hexdigest()
 
     def static_fields(self) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
