@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shlex
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -73,8 +72,6 @@ def command(
     femgal verify --solver my_solver.py:step           a solver of your own; verify/integrators/under_test.py says how
     Exit codes: 0 all pass, 1 failures (of --mesh also a problem found), 2 could not run, 130 interrupted.
     """  # noqa: D301 - click reads the backspace
-    # The dense problems of the references are small: more threads would only spin. Read when NumPy is imported.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from femgal.commands.comparison import carry_out_comparison
     from femgal.commands.diagnosis import carry_out_diagnosis, find_rows, find_user_target
     from verify.suite.use import Use

@@ -3,10 +3,12 @@
 
 1. Every ``femgal WORD ...`` that a help text or README.md quotes is a command that exists, with the options it shows.
 2. Listing the catalogue of meshes compiles nothing: it does not import Numba.
+3. Dense linear algebra has one thread, unless the user says otherwise: that is settled before NumPy is imported.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -83,3 +85,13 @@ def test_listing_meshes_does_not_import_numba(arguments):
     assert "rabbit" in listed
     assert "meshes.catalogue" in modules.split()
     assert "numba" not in modules.split()
+
+
+@pytest.mark.parametrize(("given", "found"), [(None, "1"), ("2", "2")])
+def test_dense_linear_algebra_has_one_thread(given, found):
+    code = "import os, sys, femgal.cli as c; assert 'numpy' not in sys.modules; c.main.get_command(None, 'run'); "
+    code += "print(os.environ['OPENBLAS_NUM_THREADS'])"
+    environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
+    environment |= {} if given is None else {"OPENBLAS_NUM_THREADS": given}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == found
