@@ -52,8 +52,8 @@ LEAST_NEWTON_COST = 2 * 17 * COST_OF_NEWTON_PASS
 # taken again until its steps are short enough: with 0.15 pilots of 20 frames saw no other.
 MOST_PILOT_SHARE = 0.25
 
-# What the pilot's frames do not show yet: motions cost 1.0 to 2.4 times what their first frames let expect, a beam that
-# is released at rest 4.8 times, as nothing in its first frames says how it will swing.
+# What the pilot's frames do not show yet: most motions cost 1.3 to 2.4 times what their first frames let expect, beams
+# that are released at rest up to 3.6 times, as nothing in those says how they will swing.
 UNSEEN = 1.7
 
 Assemble = Callable[[Scene], "Simulation"]
