@@ -3,11 +3,17 @@
 
 from __future__ import annotations
 
+from functools import cache
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from femgal.assembly.matrix import BlockMatrix
 from meshes.jit import kernel
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 Floats = NDArray[np.float64]
 Reals = NDArray[np.floating]
@@ -56,7 +62,10 @@ class DenseSolver:
         while info != 0 and self._shift <= MOST_SHIFT:
             self._dense[:] = 0.0
             _fill_lower(pattern.ptr, pattern.column, values, self._scale, 1.0 + self._shift, self._dense)
-            info = dpotrf(self._dense, lower=1, clean=0, overwrite_a=1)[1]
+            # On one thread: where a core is busy with something else, BLAS' own threads wait for each other in every
+            # column, which takes longer than the whole factorization.
+            with _linear_algebra().limit(limits=1, user_api="blas"):
+                info = dpotrf(self._dense, lower=1, clean=0, overwrite_a=1)[1]
             self._shift *= 1.0 if info == 0 else 10.0
         if info != 0:
             self._dense[:] = np.nan
@@ -74,6 +83,14 @@ class DenseSolver:
         lower = np.tril(dpotri(self._dense, lower=1)[0])
         whole = lower + np.tril(lower, -1).T
         return np.ascontiguousarray(self._scale[:, None] * whole * self._scale)
+
+
+@cache
+def _linear_algebra() -> ThreadpoolController:
+    """The thread pools of the libraries that are loaded, which takes milliseconds to find out."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
 
 
 @kernel

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.linalg.lapack
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from femgal.assembly.dense import SHIFT, DenseSolver
 from femgal.assembly.hessian import HessianAssembly, assemble
@@ -57,3 +59,17 @@ def test_not_definite():
         A.values[A.pattern.diagonal[3], 4] = value
         solver.refresh()
         assert np.isnan(solver.solve(r)).any()
+
+
+def test_one_thread(monkeypatch):
+    def threads():
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    inside, dpotrf = [], scipy.linalg.lapack.dpotrf
+    monkeypatch.setattr("scipy.linalg.lapack.dpotrf", lambda *a, **k: inside.append(threads()) or dpotrf(*a, **k))
+    with threadpool_limits(2, user_api="blas"):
+        given = threads()
+        DenseSolver(assemble(DISC, MESH.points, 1e4)).refresh()
+        assert inside == [{1}]
+        assert threads() == given
+    assert given == {2}
