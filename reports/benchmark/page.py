@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import quote
 
 from reports.benchmark.charts import Chart, Record, charts, clock_label
-from reports.benchmark.rows import HEADS, cells
+from reports.benchmark.rows import HEADS, cells, choice_text
 from reports.benchmark.tables import Table
 from reports.benchmark.winners import winner_maps
 from reports.verification.figure import figure
@@ -140,9 +140,11 @@ def _figures(chart: Chart) -> Markup:
 
 
 def _problem(record: Record, problem: Mapping[str, Any]) -> Markup:
-    lines = [_row(row) for row in record["rows"] if row["problem"] == problem["id"]]
+    rows = [row for row in record["rows"] if row["problem"] == problem["id"]]
+    lines = [_row(row) for row in rows]
+    choices = [element("p", text, class_="meaning") for row in rows if (text := choice_text(row)) is not None]
     table = element("div", _table(problem["id"], HEADS, lines, numbers_from=1), class_="scroll")
-    return element("article", element("h3", problem["id"]), *_about(problem), table, id=problem["id"])
+    return element("article", element("h3", problem["id"]), *_about(problem), table, *choices, id=problem["id"])
 
 
 def _row(row: Mapping[str, Any]) -> Markup:

@@ -49,8 +49,17 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
+def choice_text(row: Mapping[str, Any]) -> str | None:
+    """What `auto` chose and expected, and what it took; None of a solver that was named."""
+    if row["status"] != "done" or not row.get("choice"):
+        return None
+    choice, wasted = row["choice"], row["wasted_passes"]
+    text = f"{row['label']} chose {choice['solver']}: {choice['reason']}. It took {row['passes']:.0f} passes a frame"
+    return text + (f", {wasted:.0f} of them for a pilot that it gave up." if wasted else ".")
+
+
 def _name(row: Mapping[str, Any]) -> str:
-    chosen = f" ({row['chosen']})" if row.get("chosen") else ""
+    chosen = f" ({row['choice']['solver']})" if row.get("choice") else ""
     return row["label"] + chosen + (" (final)" if row["finalist"] else "")
 
 

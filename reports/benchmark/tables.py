@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from reports.benchmark.charts import Record
-from reports.benchmark.rows import HEADS, cells
+from reports.benchmark.rows import HEADS, cells, choice_text
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ def tables(record: Record) -> list[Table]:
 
 
 def notes(record: Record) -> list[str]:
-    """What the columns mean, how good the references are, and what failed."""
+    """What the columns mean, how good the references are, what was chosen, and what failed."""
     clock = "CPU time of all threads" if record["clock"] == "cpu" else "wall time"
     found = [
         f"s/frame: {clock} per frame, without compilation; spread: over the runs, or over the frames of a single run. "
@@ -43,6 +43,7 @@ def notes(record: Record) -> list[str]:
         "of chaotic scenes, of the shape at the end.",
     ]
     found += [_reference_note(problem) for problem in record["problems"]]
+    found += [f"{row['problem']}: {text}" for row in record["rows"] if (text := choice_text(row)) is not None]
     older = sum(row.get("older", False) for row in record["rows"])
     if older:
         found.append(f"{older} rows were run by other sources than the present ones (--keep-older).")

@@ -6,7 +6,7 @@
 2. Plots hold each solver's front, and the reference's own error where that is known; a flagged reference is named.
 3. Cost against size and stiffness join scenes that differ in nothing else, in seconds of the whole motion.
 4. The map names the soonest and how far the next one is behind.
-5. The CSV has a line per row; tables have a cell for every head; failures are told.
+5. The CSV has a line per row; tables have a cell for every head; failures and what was chosen are told.
 6. Pictures are PNG files of the names that the report may hold.
 7. More curves than colours are told apart by colour and mark together.
 """
@@ -130,6 +130,22 @@ def test_sheet_and_tables():
     told = notes(record())
     assert any("not finite" in line for line in told)
     assert any("MORE than a tenth" in line for line in told)
+
+
+def test_what_was_chosen_is_told():
+    choice = {"solver": "verlet", "reason": "60 substeps a frame; <newton> costs 80"}
+    begun = record()
+    id = begun["problems"][0]["id"]
+    begun["rows"][0] |= {"label": "auto", "choice": choice, "passes": 71.0, "wasted_passes": 9.0}
+    begun["rows"][1] |= {"label": "sure", "choice": choice, "passes": 62.0, "wasted_passes": 0.0}
+    text = "auto chose verlet: 60 substeps a frame; <newton> costs 80. It took 71 passes a frame, 9 of them for a pilot"
+    found = [line for line in notes(begun) if "chose" in line]
+    assert found[0].startswith(f"{id}: {text}")
+    assert len(found) == 2
+    assert found[1].endswith("It took 62 passes a frame.")
+    page = render(begun)["bench.html"]
+    assert text.replace("<newton>", "&lt;newton&gt;") in page
+    assert "auto (verlet)" in page
 
 
 def test_pictures(tmp_path):

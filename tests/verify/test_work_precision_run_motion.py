@@ -23,7 +23,7 @@ FRAMES = 14
 def rows(scene):
     numbers, _ = run_motion(scene, Request("motion", "a test", scene_to_toml(scene)))
     assert numbers["failure"] is None
-    return numbers["rows"], numbers["chosen"]
+    return numbers["rows"], numbers["choice"] and numbers["choice"]["solver"]
 
 
 def passes(row):

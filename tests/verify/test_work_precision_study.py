@@ -109,7 +109,8 @@ def test_solver_error_and_energy_gap(done):
     assert exact["linear_iterations"] > exact["iterations"] >= 4
     assert chosen["solver_error"] is None
     assert chosen["error"] < 0.2
-    assert chosen["chosen"] in ("verlet", "newton-multigrid")
+    assert chosen["choice"]["solver"] in ("verlet", "newton-multigrid")
+    assert chosen["wasted_passes"] < chosen["passes"]
     assert len([line for line in told if "newton-direct" in line]) == 2
 
 

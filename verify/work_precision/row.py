@@ -92,6 +92,8 @@ def _counts(numbers: dict[str, Any]) -> dict[str, Any]:
     precision, tets = numbers["precision"], numbers["tets"]
     moved = sum(_BYTES[kind](precision) * tets * passes for kind, passes in by_kind.items() if kind in _BYTES)
     substeps = [frame["substeps"] for frame in frames]
+    choice = numbers.get("choice")
+    wasted = choice["wasted_passes"] or {} if choice else {}
     return {
         "passes": sum(by_kind.values()),
         "passes_by_kind": by_kind,
@@ -106,7 +108,8 @@ def _counts(numbers: dict[str, Any]) -> dict[str, Any]:
         "load": numbers["load"],
         "gaps": numbers["gaps"],
         "estimated_error": numbers.get("estimated_error"),
-        "chosen": numbers.get("chosen"),
+        "choice": choice,
+        "wasted_passes": sum(wasted.values()) / count,
     }
 
 

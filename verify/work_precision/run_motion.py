@@ -155,7 +155,7 @@ class _Motion:
             "rows": self.rows[1:],
             "start": self.rows[0],
             "estimated_error": self.rows[-1].get("estimated_error"),
-            "chosen": None if self.simulation.choice is None else self.simulation.choice.solver,
+            "choice": None if self.simulation.choice is None else self.simulation.choice.as_dict(),
             "failure": self.failure,
             "failure_kind": None if self.failure is None else "solver",
         }
