@@ -148,7 +148,10 @@ class Newton:
         assert isinstance(state, NewtonState)
         backend, x = self.backend, state.x
         g = backend.nodal_gradient(backend.vertices, x, potential.xhat, potential.inverse_h2)
-        memory = self._upkeep.make_ready(potential, x, state.recalled)
+        memory = state.recalled
+        if state.iteration == 0:
+            # Not in the middle of a step, whose residuals are compared in one norm.
+            memory = self._upkeep.make_ready(potential, x, memory)
         solution, start, memory = self._solve(potential, x, g, self._share(state), state, memory)
         start = start or solution.start
         if solution.iterations == 0:

@@ -13,6 +13,7 @@
 8. A body at rest stays there, and what is not finite is reported.
 9. An absolute tolerance is met, however loose the reduction.
 10. A step does not start where accelerations turn elements inside out.
+11. A preconditioner that wears out in the middle of a step serves it to its end, as its norm compares residuals.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from femgal.solvers.layer_cycle import LayerCycle
 from femgal.solvers.newton import Newton, NewtonState, nonlinearity
 from femgal.solvers.preconditioner import LayerBlocks
 from femgal.solvers.solver import Budget, Outcome, minimise
-from femgal.solvers.upkeep import PLACE, Upkeep
+from femgal.solvers.upkeep import PLACE, WEAR, Upkeep
 from femgal.timestep.bdf2 import BDF2
 from femgal.timestep.potential import IncrementalPotential, eps18
 from verify.problems.bodies import Moving, distorted_box, left_end, rng, uniform
@@ -217,6 +218,20 @@ def test_a_matrix_is_made_anew_where_curvature_turns_out_negative():
     made.refresh(phi, state.memory[PLACE])
     size = [float(np.sqrt((g * made.apply(g)).sum())) for g in (gradient_rows(phi, x), gradient_rows(phi, state.x))]
     assert size[1] <= 1.1 * solver.reduction * size[0]
+
+
+def test_a_preconditioner_serves_a_step_to_its_end(monkeypatch):
+    made = LayerBlocks(CONSTANT)
+    refresh, places = made.refresh, []
+    monkeypatch.setattr(made, "refresh", lambda phi, x: places.append(x.copy()) or refresh(phi, x))
+    # It costs nothing, so any loss is too much.
+    made.price = 0.0
+    solver = Newton(BACKEND, made, reduction=1e-6)
+    state = minimise(solver, PHI, {})
+    assert state.iteration > 2
+    assert len(places) == 1
+    minimise(solver, PHI, {WEAR: state.memory[WEAR], PLACE: state.memory[PLACE]})
+    assert len(places) == 2
 
 
 def test_a_motion_goes_on_from_a_saved_state():
