@@ -24,6 +24,7 @@ _HELP = {
     "clock": "The time that counts: wall, cpu (of all threads), or auto: cpu on one thread.",
     "gap": "Measure the energy gap of the first N substeps, by a direct solver: for small meshes.",
     "solver_error": "Distance from the converged motion of the same steps; one more run for each kind of steps.",
+    "periods": "Of the lowest excited mode, 5 by default; with --frames these become so short that they end there.",
     "json": "Write the record to PATH; - prints it and nothing else.",
     "report": "Write bench.json, bench.csv, plots and bench.html.",
     "safety": "Share of the stable step that the references take.",
@@ -46,8 +47,8 @@ _HELP = {
 @click.option("--stepping", metavar="T,T", help="backward-euler, bdf2; of all solvers but verlet.")
 @click.option("--precision", metavar="P,P", help="float32, float64.")
 @click.option("--vary", multiple=True, metavar="KEY=V,V", help=_HELP["vary"])
-@click.option("--frames", type=click.IntRange(min=1), help="Frames of every scene, in place of --periods.")
-@click.option("--periods", type=click.FloatRange(0.0, min_open=True), help="Of the lowest excited mode; 5 by default.")
+@click.option("--frames", type=click.IntRange(min=1), help="Frames of every scene.")
+@click.option("--periods", type=click.FloatRange(0.0, min_open=True), help=_HELP["periods"])
 @click.option("--threads", type=click.IntRange(min=1), help="CPU threads of every run; 1 by default.")
 @click.option("--time-limit", type=click.FloatRange(0.0, min_open=True), help=_HELP["limit"])
 @click.option("--repeats", type=click.IntRange(min=1), help="Runs of each finalist; 1 by default.")

@@ -7,7 +7,7 @@
    and Verlet takes its precision only.
 4. Problems are every scene x size x material, the small ones first; bodies get the values, nothing else changes.
 5. A motion is as long as is asked for; else periods of the lowest mode, capped by the scene, in frames that are at
-   least so many.
+   least so many; with both, frames so short that they are no more than these periods.
 6. Bad grids and words are refused with what is allowed.
 """
 
@@ -127,6 +127,12 @@ def test_horizon(tmp_path):
     assert choose_horizon(scene, None, 5.0, None).frames == 60
     assert choose_horizon(scene, 0.1, 5.0, None).frames == 30
     assert choose_horizon(scene, 4.0, 5.0, None).frames == 60
+    assert choose_horizon(scene, 0.1, None, None).frames == 30
+    assert choose_horizon(scene, 0.1, None, 9).frames_per_second == scene.frames_per_second
+    few = choose_horizon(scene, 0.03, 0.5, 4)
+    assert (few.frames, few.frames_per_second) == (4, 266.7)
+    assert choose_horizon(scene, 3.0, 0.5, 4).frames_per_second == scene.frames_per_second
+    assert choose_horizon(scene, None, 0.5, 4).frames == 4
     stiff = choose_horizon(scene, 1e-3, 5.0, None)
     assert stiff.frames == LEAST_FRAMES
     assert stiff.seconds == pytest.approx(5e-3, rel=1e-3)

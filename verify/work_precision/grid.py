@@ -40,7 +40,7 @@ E = [1e4, 1e6]                # Young's modulus of every body [Pa]; left out: as
 rho = [1.0, 1000.0]           # density of every body [kg/m^3]
 set = { damping = 0.0 }       # any other key of the scenes
 periods = 5                   # length of the motion, in periods of the lowest mode that the scene excites
-# frames = 20                 # or its length in frames of the scene
+# frames = 20                 # or its length in frames of the scene; with both, frames so short that they end there
 threads = 1
 time_limit = 600              # seconds of CPU time per thread of a run's frames, after which it counts as failed
 repeats = 5                   # runs of the finalists
@@ -114,8 +114,10 @@ class Grid(Table):
     vertices, E, nu, rho : Values for every body, each a list; empty: what the scenes say.
     set : Other keys of the scenes, dotted, and their values.
     solvers : The curves.
-    periods : Length of the motion in periods of the lowest mode that the scene excites, but no longer than the scene.
-    frames : Length of the motion in frames of the scene, in place of `periods`.
+    periods : Length of the motion in periods of the lowest mode that the scene excites, but no longer than the scene;
+        5 where `frames` is not given either.
+    frames : Length of the motion in frames of the scene; with `periods` these frames become so short that they are no
+        longer than that.
     threads : CPU threads of every run.
     time_limit : Longest CPU time per thread of the frames of one run [s]; none for references.
     repeats : Runs of each finalist.
@@ -130,7 +132,7 @@ class Grid(Table):
     rho: tuple[Density, ...] = ()
     set: dict[str, Any] = Field(default_factory=dict)
     solvers: Annotated[tuple[SolverGrid, ...], NotEmpty, Words("one or more [[solvers]] tables")]
-    periods: Annotated[Number, Field(gt=0)] = 5.0
+    periods: Annotated[Number, Field(gt=0)] | None = None
     frames: Count | None = None
     threads: Count = 1
     time_limit: Annotated[Number, Field(gt=0), Unit("s")] = 600.0

@@ -43,17 +43,28 @@ class Horizon:
         return {**asdict(self), "seconds": self.seconds, "periods": self.seconds / self.period if self.period else None}
 
 
-def choose_horizon(scene: Scene, period: float | None, periods: float, frames: int | None) -> Horizon:
+# Periods of the lowest mode, where neither they nor frames are asked for.
+PERIODS = 5.0
+
+
+def choose_horizon(scene: Scene, period: float | None, periods: float | None, frames: int | None) -> Horizon:
     """As many frames as are asked for; else some periods of the lowest mode, but no more than the scene has.
 
-    Where these are fewer than LEAST_FRAMES frames of the scene, the frames become so short that they are as many.
+    Where these are fewer than LEAST_FRAMES frames of the scene, the frames become so short that they are as many. Where
+    both are asked for, the frames become so short that they are no more than these periods.
     """
     rate = scene.frames_per_second
-    if frames is not None or period is None:
+    if period is None or (frames is not None and periods is None):
         return Horizon(frames or scene.frames, rate, period)
+    periods = PERIODS if periods is None else periods
+    if frames is not None:
+        return Horizon(frames, max(rate, _rate(frames, periods * period)), period)
     count = math.ceil(periods * period * rate - 1e-9)
     if count >= LEAST_FRAMES or count >= scene.frames:
         return Horizon(min(count, scene.frames), rate, period)
-    # Four digits: a scene file should not hold more than means something.
-    shorter = float(f"{LEAST_FRAMES / (periods * period):.4g}")
-    return Horizon(LEAST_FRAMES, max(rate, shorter), period)
+    return Horizon(LEAST_FRAMES, max(rate, _rate(LEAST_FRAMES, periods * period)), period)
+
+
+def _rate(frames: int, seconds: float) -> float:
+    """Frames per second, to four digits: a scene file should not hold more than means something."""
+    return float(f"{frames / seconds:.4g}")
