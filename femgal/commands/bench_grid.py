@@ -23,6 +23,7 @@ _HELP = {
     "cluster": "Run on the workers of this Dask scheduler: tcp://127.0.0.1:8786.",
     "clock": "The time that counts: wall, cpu (of all threads), or auto: cpu on one thread.",
     "gap": "Measure the energy gap of the first N substeps, by a direct solver: for small meshes.",
+    "slivers": "Smallest angles [degrees] of tetrahedra that are flattened on purpose, around 1% of the vertices.",
     "solver_error": "Distance from the converged motion of the same steps; one more run for each kind of steps.",
     "periods": "Of the lowest excited mode, 5 by default; with --frames these become so short that they end there.",
     "json": "Write the record to PATH; - prints it and nothing else.",
@@ -38,6 +39,7 @@ _HELP = {
 @click.option("--example", is_flag=True, help="Print a grid file with all keys.")
 @click.option("--vertices", metavar="N,N", help="Vertices of every body.")
 @click.option("--E", "youngs", metavar="E,E", help="Young's moduli of every body [Pa].")
+@click.option("--slivers", metavar="A,A", help=_HELP["slivers"])
 @click.option("--nu", metavar="NU,NU", help="Poisson's ratios of every body.")
 @click.option("--rho", metavar="RHO,RHO", help="Densities of every body [kg/m^3].")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Any key of the scenes.")
@@ -106,7 +108,14 @@ def _grid(options: dict[str, Any]) -> Grid:
     from verify.work_precision.grid import load_grid, make_grid
     from verify.work_precision.shorthand import numbers
 
-    lists = {"vertices": "vertices", "youngs": "E", "nu": "nu", "rho": "rho", "targets": "targets"}
+    lists = {
+        "vertices": "vertices",
+        "slivers": "slivers",
+        "youngs": "E",
+        "nu": "nu",
+        "rho": "rho",
+        "targets": "targets",
+    }
     given: dict[str, Any] = {key: numbers(options[o], f"--{key}") for o, key in lists.items() if options[o] is not None}
     plain = ("frames", "periods", "threads", "time_limit", "repeats", "reference_safety")
     given |= {key: options[key] for key in plain if options[key] is not None}

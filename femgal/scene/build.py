@@ -125,7 +125,8 @@ def _make_meshes(scene: Scene) -> list[Any]:
 
 def _build_part(body: Body, made: Any, key: str, source: str) -> _Part:
     shape = None if made.surface is None else made.surface.points
-    mesh: TetMesh = made.mesh.moved(placed(made.mesh.points, body, shape))
+    rest = made.mesh if body.slivers is None else _with_slivers(made.mesh, body.slivers, key, source)
+    mesh: TetMesh = rest.moved(placed(rest.points, body, shape))
     return _Part(
         mesh=mesh,
         material=material(body, mesh, key, source),
@@ -145,6 +146,16 @@ def _make_mesh(body: Body, key: str, source: str) -> Any:
         what = f"{error.what} ({error.where})" if error.where else error.what
         found, allowed = (None if value is None else str(value) for value in (error.found, error.allowed))
         raise SceneError([Problem(f"{key}.mesh", what, found, allowed, error.advice)], source=source) from error
+
+
+def _with_slivers(mesh: TetMesh, degrees: float, key: str, source: str) -> TetMesh:
+    from meshes.slivers import with_slivers
+
+    try:
+        return with_slivers(mesh, degrees)
+    except InputError as error:
+        found, allowed = str(error.found), str(error.allowed)
+        raise SceneError([Problem(f"{key}.slivers", error.what, found, allowed, error.advice)], source=source) from None
 
 
 def _origin(made: Any) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 from femgal.scene.quantities import (
     Count,
     Density,
+    DihedralAngle,
     Index,
     Integer,
     Length,
@@ -70,6 +71,8 @@ class Body(Table):
     mesh : Catalogue name (see ``femgal mesh``), or path of a surface or tetrahedral file; relative paths count from
         the folder of the scene file.
     vertices : Number of vertices to tetrahedralise with; leave it out for files that hold tetrahedra.
+    slivers : Smallest dihedral angle [degrees] of tetrahedra that are made on purpose, by moving one inner vertex in a
+        hundred: what does a bad mesh do to a solver? Left out, the mesh stays as it is.
     height : Extent along `up` after scaling [m].
     size : Longest side of the bounding box after scaling [m]; not together with `height`.
     up : Axis of the mesh file that points up.
@@ -85,6 +88,7 @@ class Body(Table):
 
     mesh: Annotated[Text, Field(min_length=1), Words("a catalogue name or the path of a mesh file")]
     vertices: Annotated[Count, Field(ge=8)] | None = None
+    slivers: DihedralAngle | None = None
     height: Length | None = None
     size: Length | None = None
     up: Literal["x", "y", "z"] = "z"

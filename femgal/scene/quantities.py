@@ -126,6 +126,8 @@ YoungsModulus = Annotated[Number, Field(gt=0), Unit("Pa")]
 PoissonsRatio = Annotated[Number, Field(gt=-1, lt=0.5)]
 Density = Annotated[Number, Field(gt=0), Unit("kg/m^3")]
 Length = Annotated[Number, Field(gt=0, le=1e9), Unit("m")]
+# Smallest dihedral angle of a tetrahedron; that of the regular one is 70.5 degrees.
+DihedralAngle = Annotated[Number, Field(ge=1e-3, le=70), Unit("degrees")]
 
 Triple = tuple[float, float, float]
 Vector = Annotated[Triple, BeforeValidator(_vector), Words("three finite numbers, [x, y, z]")]

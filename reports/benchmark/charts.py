@@ -40,6 +40,7 @@ def charts(record: Record) -> list[Chart]:
         )
     found.append(Chart("cost-size", "Cost against size", tuple(_against_size(record))))
     found.append(Chart("cost-stiffness", "Cost against stiffness over density", tuple(_against_stiffness(record))))
+    found.append(Chart("cost-slivers", "Cost against mesh quality", tuple(_against_slivers(record))))
     return [chart for chart in found if chart.plots]
 
 
@@ -86,6 +87,14 @@ def _against_size(record: Record) -> Iterator[Plot]:
 
 def _against_stiffness(record: Record) -> Iterator[Plot]:
     yield from _cost_plots(record, _but(("E", "rho", "nu")), stiffness, "E / rho [m^2/s^2]")
+
+
+def _against_slivers(record: Record) -> Iterator[Plot]:
+    def angle(problem: Entry) -> float:
+        return float(problem.get("dihedral") or 0.0)
+
+    if all(map(angle, record["problems"])):
+        yield from _cost_plots(record, _but(("slivers",)), angle, "smallest dihedral angle [degrees]")
 
 
 def stiffness(problem: Entry) -> float:

@@ -165,7 +165,9 @@ def _about(problem: Mapping[str, Any]) -> Iterable[Markup]:
         return
     length = f"{plural(horizon['frames'], 'frame')} of {1e3 / horizon['frames_per_second']:.4g} ms"
     length += f", {horizon['periods']:.2g} periods of the lowest mode that is excited" if horizon["periods"] else ""
-    yield element("p", f"{problem['vertices']} vertices, {problem['tets']} tetrahedra; {length}.", class_="meaning")
+    size = f"{problem['vertices']} vertices, {problem['tets']} tetrahedra"
+    size += f", the smallest angle {problem['dihedral']:.3g} degrees" if problem.get("dihedral") else ""
+    yield element("p", f"{size}; {length}.", class_="meaning")
     if reference["failure"]:
         yield element("p", f"No reference: {reference['failure']}", class_="warning")
         return

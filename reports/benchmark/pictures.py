@@ -9,9 +9,8 @@ from typing import Any
 
 from reports.benchmark.charts import Chart, Plot, Record, charts
 
-NAMES = tuple(
-    f"{name}.png" for name in ("error-seconds", "error-passes", "solver-error-seconds", "cost-size", "cost-stiffness")
-)
+_CHARTS = ("error-seconds", "error-passes", "solver-error-seconds", "cost-size", "cost-stiffness", "cost-slivers")
+NAMES = tuple(f"{name}.png" for name in _CHARTS)
 
 _COLUMNS, _WIDTH, _HEIGHT = 3, 5.0, 4.0
 _MARKS = "os^Dvx+*<>ph"

@@ -8,7 +8,7 @@ import io
 from collections.abc import Mapping
 from typing import Any
 
-_OF_PROBLEM = ("scene", "vertices", "tets", "E", "nu", "rho")
+_OF_PROBLEM = ("scene", "vertices", "tets", "dihedral", "E", "nu", "rho")
 
 _OF_ROW = (
     "problem",

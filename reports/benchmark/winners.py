@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Who is soonest where: a map over size and stiffness over density, one for each scene and target."""
+"""Who is soonest where: over size, mesh quality and stiffness over density, a map for each scene and target."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,12 +20,25 @@ def winner_maps(record: Record) -> list[Table]:
 def _map(record: Record, scene: str, target: float) -> Table:
     problems = [p for p in record["problems"] if p["scene"] == scene and p["vertices"]]
     columns = sorted({_material(problem) for problem in problems})
-    sizes = sorted({problem["axes"]["vertices"] or problem["vertices"] for problem in problems})
-    at = {(p["axes"]["vertices"] or p["vertices"], _material(p)): p["id"] for p in problems}
-    rows = tuple((f"{size}", *(_cell(record, at.get((size, column)), target) for column in columns)) for size in sizes)
+    meshes = sorted(set(map(_mesh, problems)))
+    at = {(_mesh(problem), _material(problem)): problem["id"] for problem in problems}
+    rows = tuple(
+        (_words(mesh), *(_cell(record, at.get((mesh, column)), target) for column in columns)) for mesh in meshes
+    )
     materials = (f"E/rho = {ratio:.3g} (E = {E:g}, rho = {rho:g}, nu = {nu:g})" for ratio, E, rho, nu in columns)
     heads = ("vertices", *materials)
     return Table(f"{scene}: soonest at an error of {target:g}", heads, rows)
+
+
+def _mesh(problem: Mapping[str, Any]) -> tuple[int, float]:
+    """Vertices, and angle of the slivers [degrees]; the good mesh comes first, then ever flatter ones."""
+    axes = problem["axes"]
+    return axes["vertices"] or problem["vertices"], -(axes.get("slivers") or math.inf)
+
+
+def _words(mesh: tuple[int, float]) -> str:
+    vertices, angle = mesh
+    return f"{vertices}" if angle == -math.inf else f"{vertices}, slivers of {-angle:g} degrees"
 
 
 def _material(problem: Mapping[str, Any]) -> tuple[float, float, float, float]:

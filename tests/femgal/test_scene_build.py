@@ -9,6 +9,7 @@
 5. Every built-in scene builds at other vertex counts, with the held vertices that it is about; the drapes hold one
    ear tip only.
 6. Building twice gives the same arrays, bit for bit.
+7. Slivers are planted in the body that asks for them and nowhere else; angles that its mesh cannot have are refused.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from femgal.scene.build import build_world
 from femgal.scene.load import load_scene, parse_scene
 from femgal.scene.problems import SceneError
 from meshes.generators import box
+from meshes.quality import dihedrals
 from meshes.types import Origin, TetMesh
 
 needs_surfaces = pytest.mark.skipif(
@@ -154,6 +156,20 @@ def test_missing_mesh(tmp_path, name, parts):
         build_world(parse_scene(text, "x", folder=tmp_path))
     for part in parts:
         assert part in str(error.value)
+
+
+def test_slivers(calls):
+    good = build_world(parse_scene(TWO, "two.toml"))
+    bad = build_world(parse_scene(TWO.replace('mesh = "second"', 'mesh = "second"\nslivers = 0.5'), "two.toml"))
+    assert dihedrals(bad.mesh.points, bad.mesh.cells).minimum == pytest.approx(0.5, rel=1e-3)
+    moved = (bad.mesh.points != good.mesh.points).any(axis=1)
+    assert moved.sum() == 1
+    assert bad.vertex_body[moved] == 1
+    assert calls == 2 * [("first", 100), ("second", None)]
+    with pytest.raises(SceneError) as caught:
+        build_world(parse_scene(TWO.replace('mesh = "second"', 'mesh = "second"\nslivers = 60'), "two.toml"))
+    assert "bodies[1].slivers" in str(caught.value)
+    assert "angle of 60 degrees" in str(caught.value)
 
 
 def test_impossible_vertex_count():

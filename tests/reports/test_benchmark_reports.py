@@ -5,7 +5,7 @@
    unique.
 2. Plots hold each solver's front, and the reference's own error where that is known; a flagged reference is named.
 3. Cost against size and stiffness join scenes that differ in nothing else, in seconds of the whole motion.
-4. The map names the soonest and how far the next one is behind.
+4. The map names the soonest and how far the next one is behind; meshes with slivers have lines of their own.
 5. The CSV has a line per row; tables have a cell for every head; failures and what was chosen are told.
 6. Pictures are PNG files of the names that the report may hold.
 7. More curves than colours are told apart by colour and mark together.
@@ -114,6 +114,21 @@ def test_winners():
     assert tight.rows[0][1] == "verlet, 2 s/frame"
     for found in (loose, tight):
         assert all(len(line) == len(found.heads) for line in found.rows)
+
+
+def test_mesh_quality():
+    bad = record()
+    worst = bad["problems"][0]
+    for number, (found, angle) in enumerate(zip(bad["problems"], (None, 10.0, 0.1), strict=True)):
+        found["axes"] = {**worst["axes"], "slivers": angle}
+        found |= {"vertices": 102, "E": worst["E"], "dihedral": (14.0, 10.0, 0.1)[number]}
+    loose, _ = winner_maps(bad)
+    assert [line[0] for line in loose.rows] == ["100", "100, slivers of 10 degrees", "100, slivers of 0.1 degrees"]
+    assert loose.rows[2][1] == "fas, 2.1 s/frame; verlet x 2.9"
+    plots = {chart.name: chart.plots for chart in charts(bad)}["cost-slivers"]
+    assert plots[0]["curves"][0] == {"name": "verlet", "x": [0.1, 10.0, 14.0], "y": [120.0, 80.0, 40.0]}
+    assert "the smallest angle 0.1 degrees" in render(bad)["bench.html"]
+    assert "cost-slivers" not in {chart.name for chart in charts(record())}
 
 
 def test_sheet_and_tables():

@@ -118,6 +118,10 @@ def test_problems_change_what_they_say(tmp_path):
     assert (body.E, body.rho, body.nu, body.vertices, scene.damping) == (1e6, 1.0, 0.4, 400, 0.5)
     assert scene.solver.ratio == 32  # the scene's own solver is none of the grid's
     assert not found[0].is_chaotic
+    bad = problems(beam_grid(tmp_path, [{"name": "fas"}], slivers=[10.0, 1.0]))
+    assert [problem.id for problem in bad] == ["hanging-beam slivers=10", "hanging-beam slivers=1"]
+    assert [problem.scene.bodies[0].slivers for problem in bad] == [10.0, 1.0]
+    assert dict(bad[1].axes) == {"vertices": None, "slivers": 1.0, "E": None, "nu": None, "rho": None}
     assert problems(make_grid({"scenes": ["cube-random"], "solvers": [{"name": "fas"}]}, ""))[0].is_chaotic
 
 

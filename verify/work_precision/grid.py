@@ -20,6 +20,7 @@ from femgal.scene.problems import scene_error
 from femgal.scene.quantities import (
     Count,
     Density,
+    DihedralAngle,
     NotEmpty,
     Number,
     PoissonsRatio,
@@ -38,6 +39,7 @@ scenes = ["rabbit-drape", "beam-drop.toml"]   # built-in scenes, or files beside
 vertices = [2000, 20000]      # of every body; left out: as the scene says
 E = [1e4, 1e6]                # Young's modulus of every body [Pa]; left out: as the scene says
 rho = [1.0, 1000.0]           # density of every body [kg/m^3]
+# slivers = [10, 1, 0.1]      # smallest angle [degrees] of tetrahedra that are flattened on purpose
 set = { damping = 0.0 }       # any other key of the scenes
 periods = 5                   # length of the motion, in periods of the lowest mode that the scene excites
 # frames = 20                 # or its length in frames of the scene; with both, frames so short that they end there
@@ -111,7 +113,7 @@ class Grid(Table):
     Attributes
     ----------
     scenes : Built-in scenes or files.
-    vertices, E, nu, rho : Values for every body, each a list; empty: what the scenes say.
+    vertices, slivers, E, nu, rho : Values for every body, each a list; empty: what the scenes say.
     set : Other keys of the scenes, dotted, and their values.
     solvers : The curves.
     periods : Length of the motion in periods of the lowest mode that the scene excites, but no longer than the scene;
@@ -127,6 +129,7 @@ class Grid(Table):
 
     scenes: Annotated[tuple[Text, ...], NotEmpty, Words("one or more scenes")]
     vertices: tuple[Annotated[Count, Field(ge=8)], ...] = ()
+    slivers: tuple[DihedralAngle, ...] = ()
     E: tuple[YoungsModulus, ...] = ()
     nu: tuple[PoissonsRatio, ...] = ()
     rho: tuple[Density, ...] = ()

@@ -19,7 +19,7 @@ class Problem:
     ----------
     id : Name of the scene, and values of the grid's axes.
     scene : Without a solver of its own.
-    axes : vertices, E, nu and rho as the grid gives them; None where the scene has its own.
+    axes : vertices, slivers, E, nu and rho as the grid gives them; None where the scene has its own.
     """
 
     id: str
@@ -33,7 +33,7 @@ class Problem:
 
 
 def problems(grid: Grid) -> list[Problem]:
-    """Every scene with every size and material, the small ones first.
+    """Every scene with every size, mesh quality and material, the small ones first.
 
     Raises
     ------
@@ -42,19 +42,18 @@ def problems(grid: Grid) -> list[Problem]:
     """
     found = []
     sizes: list[int | None] = [*sorted(grid.vertices)] or [None]
-    for vertices, name, E, nu, rho in itertools.product(
-        sizes, grid.scenes, grid.E or [None], grid.nu or [None], grid.rho or [None]
-    ):
-        material = {"E": E, "nu": nu, "rho": rho}
-        found.append(_problem(grid, name, vertices, material))
+    lists: dict[str, tuple[float, ...]] = {"slivers": grid.slivers, "E": grid.E, "nu": grid.nu, "rho": grid.rho}
+    meshes, values = itertools.product(sizes, grid.scenes), itertools.product(*(v or [None] for v in lists.values()))
+    for (vertices, name), keys in itertools.product(meshes, values):
+        found.append(_problem(grid, name, vertices, dict(zip(lists, keys, strict=True))))
     return found
 
 
-def _problem(grid: Grid, name: str, vertices: int | None, material: dict[str, float | None]) -> Problem:
+def _problem(grid: Grid, name: str, vertices: int | None, keys: dict[str, float | None]) -> Problem:
     plain = load_scene(name, vertices=vertices, overrides=grid.set)
-    given = {key: value for key, value in material.items() if value is not None}
+    given = {key: value for key, value in keys.items() if value is not None}
     overrides = {f"bodies.{body}.{key}": value for body in range(len(plain.bodies)) for key, value in given.items()}
     scene = load_scene(name, vertices=vertices, overrides={**grid.set, **overrides})
     words = [scene.name, *([str(vertices)] if vertices else []), *(f"{key}={value:g}" for key, value in given.items())]
     bare = scene.model_copy(update={"solver": SolverSettings()})
-    return Problem(" ".join(words), bare, (("vertices", vertices), *material.items()))
+    return Problem(" ".join(words), bare, (("vertices", vertices), *keys.items()))

@@ -56,7 +56,7 @@ def _part(study: Study, problem: Problem) -> tuple[dict[str, Any], list[Row]]:
         "scene": problem.scene.name,
         "axes": dict(problem.axes),
         "chaotic": problem.is_chaotic,
-        **{key: survey.get(key) for key in ("vertices", "tets", "E", "nu", "rho", "mesh")},
+        **{key: survey.get(key) for key in ("vertices", "tets", "dihedral", "E", "nu", "rho", "mesh")},
         "horizon": study.horizon(problem).as_dict() if survey else None,
         "reference": _reference(study.reference(problem), rows),
     }, rows

@@ -10,6 +10,7 @@ import numpy as np
 
 from femgal.scene.build import World, build_world
 from femgal.scene.model import Scene
+from meshes.quality import dihedrals
 from verify.work_precision.lowest_mode import lowest_excited_frequency
 
 # The lowest mode is that of a coarse mesh, for every size of a scene the same.
@@ -20,7 +21,7 @@ _SAMPLES = 64
 
 
 def survey(scene: Scene) -> dict[str, Any]:
-    """JSON-ready: vertices, tets, mesh and physics digests, materials, and the period of the lowest excited mode [s].
+    """JSON-ready: size, smallest dihedral angle [degrees], digests, materials, and period of the lowest mode [s].
 
     Raises
     ------
@@ -32,6 +33,7 @@ def survey(scene: Scene) -> dict[str, Any]:
     return {
         "vertices": len(world.mesh.points),
         "tets": len(world.mesh.cells),
+        "dihedral": dihedrals(world.mesh.points, world.mesh.cells).minimum,
         "mesh": world.mesh.content_hash,
         "physics": physics_digest(scene, world),
         "E": _span(world.E),
