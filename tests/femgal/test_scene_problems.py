@@ -51,7 +51,7 @@ def test_misspelt_keys():
         parse_scene(TWO_WRONG, "two.toml")
     message = str(error.value)
     assert "bodies[1].roh: unknown key" in message
-    assert "mesh, vertices, height" in message
+    assert "mesh, vertices, slivers, height" in message
     assert "did you mean rho?" in message
     assert "did you mean frames?" in message
 
