@@ -49,10 +49,10 @@ COST_OF_NEWTON_PASS = 1.1
 LEAST_NEWTON_COST = 2 * 17 * COST_OF_NEWTON_PASS
 
 # A pilot ends when it has cost this share of the whole motion with Verlet. Most of that is the first frame, which is
-# taken again until its steps are short enough: with 0.15 pilots of 20 frames saw no other, with 0.25 those of a beam
-# that is released at rest saw two, each far dearer than all that come later. Over 34 recorded motions a choice cost
-# 1.13 times the better solver with 0.25 and 0.3 alike, at worst 1.39 and 1.31 times.
-MOST_PILOT_SHARE = 0.3
+# taken again until its steps are short enough: with 0.15 pilots of 20 frames saw no other. With 0.25 those of a beam
+# that is released at rest see two, each far dearer than all that come later, and give Newton's method up though it
+# would be cheaper. Tried: 0.3 sees no more there, and 0.35 makes pilots that come to nothing dearer everywhere else.
+MOST_PILOT_SHARE = 0.25
 
 # What the pilot's frames do not show yet: most motions cost 1.3 to 2.4 times what their first frames let expect, beams
 # that are released at rest 0.9 to 3.6 times, as nothing in those says how they will swing. `femgal bench` tells for
